@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+# `make sil` and `make test` need only Python and make; everything else is installed into .venv.
+
+PYTHON ?= python3
+WORKERS ?= auto
+TEST_ARGS ?=
+CLAIMS_ARGS ?=
+BIN := .venv/bin
+STAMP := .venv/.installed
+
+# One thread per linear-algebra call: more are slower at these sizes, and not reproducible.
+export OPENBLAS_NUM_THREADS := 1
+export OMP_NUM_THREADS := 1
+export MKL_NUM_THREADS := 1
+
+.PHONY: sil venv test lint claims bench clean
+.DEFAULT_GOAL := sil
+
+sil: venv  ## Walk USLGO1 round the 6 cm circle.
+	$(BIN)/ugv sil uslgo1 circle-6cm
+
+venv: $(STAMP)  ## Create .venv with everything in it.
+
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' || \
+	    { echo "$(PYTHON) is not a Python from 3.10 to 3.13: choose another one with 'make PYTHON=python3.12'." >&2; exit 2; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+	    { echo "$(PYTHON) cannot create environments since it lacks ensurepip: on Debian and Ubuntu run 'sudo apt install python3-venv', then make again." >&2; exit 2; }
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $(STAMP)
+
+test: venv  ## Run all tests.
+	$(BIN)/pytest -n $(WORKERS) $(TEST_ARGS)
+
+lint: venv  ## Check style, types and import rules.
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+claims: venv  ## Walk the scenarios on a few seeds and compare with what is claimed.
+	$(BIN)/python tests/claims.py $(CLAIMS_ARGS)
+
+bench: venv  ## Measure, each figure beside what it is compared with.
+	$(BIN)/ugv bench fuzzy
+	$(BIN)/ugv bench mpc
+	$(BIN)/ugv bench wbc
+	$(BIN)/ugv bench sil
+
+clean:  ## Remove the environment, caches and built packages; runs/ stays.
+	rm -rf .venv dist .hypothesis .benchmarks .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	find drivers runtime sim_bridge tests -name __pycache__ -type d -exec rm -rf {} +

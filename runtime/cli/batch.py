@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many scenarios, one process each at a time per processor; the outcome does not depend on how many there are."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import multiprocessing
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from runtime.cli.console import ReportProgress
+from runtime.cli.sil import simulate
+
+Summary = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run of one scenario, its arguments as those of `ugv sil`."""
+
+    scenario: str
+    seed: int = 0
+    estimator: str = "kalman"
+    controller: str = "FpMW"
+    overrides: Mapping[str, str] = field(default_factory=dict)
+    robot: str = "uslgo1"
+
+
+def run_job(job: Job) -> Summary:
+    """Run one scenario without writing it, and return its summary."""
+    return simulate(
+        job.robot,
+        job.scenario,
+        seed=job.seed,
+        estimator=job.estimator,
+        controller=job.controller,
+        overrides=dict(job.overrides),
+        out=None,
+        progress=None,
+    )
+
+
+def run_jobs(jobs: Sequence[Job], progress: ReportProgress) -> list[Summary]:
+    """Run all, and return their summaries in the order of the jobs."""
+    context = multiprocessing.get_context("spawn")
+    workers = min(len(jobs), os.cpu_count() or 1)
+    with concurrent.futures.ProcessPoolExecutor(workers, mp_context=context) as pool:
+        running = [pool.submit(run_job, job) for job in jobs]
+        try:
+            for done, _ in enumerate(concurrent.futures.as_completed(running), start=1):
+                progress(done, len(jobs))
+            return [run.result() for run in running]
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise

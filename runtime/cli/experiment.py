@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`ugv experiment`: a paper's table reproduced, beside what is printed there."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from statistics import fmean
+from typing import Any, NamedTuple
+
+from runtime.cli.options import positive
+from runtime.errors import UsageError, unknown
+
+
+class Printed(NamedTuple):
+    """What paper 000 reports of the S-curve: tracking error and time to completion (section 5, on the real robot)."""
+
+    mean_m: float
+    std_m: float
+    time_s: float
+
+
+S_CURVE = {
+    "FpMW": Printed(0.2801, 0.1957, 64.0),
+    "FpM": Printed(0.2933, 0.1981, 68.0),
+    "pMW": Printed(0.5133, 0.3822, 75.0),
+}
+BASELINE = "pMW"
+SIMULATIONS = ("line-3cm", "line-6cm", "circle-6cm")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.add_argument("name", metavar="NAME", help="paper-000")
+    parser.add_argument("--seeds", type=positive, default=10, metavar="N", help="runs of each comparison (default 10)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the experiment and print its tables."""
+    if options.name != "paper-000":
+        raise UsageError("ugv experiment: " + unknown("experiment", options.name, ["paper-000"]))
+    from runtime.cli.batch import Job, run_jobs
+    from runtime.cli.console import print_table, progress_bar
+
+    simulations = [Job(scenario) for scenario in SIMULATIONS]
+    comparisons = [Job("s-curve", seed, controller=name) for name in S_CURVE for seed in range(options.seeds)]
+    with progress_bar("paper-000") as progress:
+        summaries = run_jobs([*simulations, *comparisons], progress)
+    print_table(
+        "Simulations 1 to 3, FpMW, seed 0",
+        ("scenario", "completed", "time s", "speed m/s", "error mean m", "error std m", "lateral RMS m"),
+        [_simulation_row(summary) for summary in summaries[: len(simulations)]],
+    )
+    of_controller = {
+        name: [summary for summary in summaries[len(simulations) :] if summary["controller"] == name]
+        for name in S_CURVE
+    }
+    print_table(
+        f"S-curve, {options.seeds} seeds",
+        ("controller", "completed", "mean m", "paper", "std m", "paper", "time s", "paper"),
+        [_comparison_row(name, of_controller[name]) for name in S_CURVE],
+    )
+    print_table(
+        f"S-curve, ratios to {BASELINE}",
+        ("controller", "mean", "paper", "std", "paper", "time", "paper"),
+        [_ratio_row(name, of_controller[name], of_controller[BASELINE]) for name in S_CURVE if name != BASELINE],
+    )
+    return 0 if all(summary["completed"] for summary in summaries) else 1
+
+
+def average(summaries: Sequence[dict[str, Any]]) -> Printed | None:
+    """Mean over the runs that were completed; None if none was."""
+    completed = [summary for summary in summaries if summary["completed"]]
+    if not completed:
+        return None
+    return Printed(
+        fmean(summary["tracking_error_m"]["mean"] for summary in completed),
+        fmean(summary["tracking_error_m"]["std"] for summary in completed),
+        fmean(summary["completion_time_s"] for summary in completed),
+    )
+
+
+def _simulation_row(summary: dict[str, Any]) -> tuple[Any, ...]:
+    error = summary["tracking_error_m"]
+    return (
+        summary["scenario"],
+        summary["completed"],
+        summary["completion_time_s"],
+        summary["speed_mps"]["mean"],
+        error["mean"],
+        error["std"],
+        summary["lateral_error_m"]["rms"],
+    )
+
+
+def _comparison_row(name: str, summaries: Sequence[dict[str, Any]]) -> tuple[Any, ...]:
+    measured, printed = average(summaries) or (None, None, None), S_CURVE[name]
+    completed = sum(summary["completed"] for summary in summaries)
+    pairs = zip(measured, printed, strict=True)
+    return (name, f"{completed} of {len(summaries)}", *(figure for pair in pairs for figure in pair))
+
+
+def _ratio_row(name: str, summaries: Sequence[dict[str, Any]], baseline: Sequence[dict[str, Any]]) -> tuple[Any, ...]:
+    ours, theirs = average(summaries), average(baseline)
+    cells: list[Any] = [name]
+    for index, (printed, printed_baseline) in enumerate(zip(S_CURVE[name], S_CURVE[BASELINE], strict=True)):
+        cells += [ours[index] / theirs[index] if ours and theirs else None, printed / printed_baseline]
+    return tuple(cells)

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`ugv sil`: a scenario in simulation, with every command and measurement on the wires that the robot has."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from runtime.cli.options import add_overrides, seed
+from runtime.errors import RobotFault, UsageError
+
+ESTIMATORS = ("kalman", "truth")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.add_argument("robot", metavar="ROBOT", help="for example uslgo1")
+    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="flat", help="for example circle-6cm")
+    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="of terrain, noise and pushes (default 0)")
+    parser.add_argument("--realtime", action="store_true", help="against the wall clock (not available yet)")
+    parser.add_argument(
+        "--estimator", choices=ESTIMATORS, default="kalman", help="state from the sensors, or the simulator's own"
+    )
+    parser.add_argument("--controller", default="FpMW", metavar="NAME", help="FpMW (default), FpM or pMW")
+    add_overrides(parser)
+    parser.add_argument("--out", type=Path, metavar="DIR", help="new or empty directory (default: a new one in runs/)")
+    parser.add_argument("--view", action="store_true", help="show the robot in a browser (not available yet)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the scenario, write its directory, print its summary."""
+    for name in ("realtime", "view"):
+        if getattr(options, name):
+            raise UsageError(f"ugv sil: --{name} comes with a later version; without it the run is in virtual time")
+    from runtime.cli.console import print_summary, progress_bar
+    from runtime.cli.output import run_directory
+    from runtime.configuration import parse_overrides
+
+    overrides = parse_overrides(options.assignments)
+    name = f"{options.robot}-{options.scenario}-{options.seed}"
+    with run_directory(options.out, name) as directory:
+        with progress_bar(f"{options.robot} {options.scenario}") as progress:
+            summary = simulate(
+                options.robot,
+                options.scenario,
+                seed=options.seed,
+                estimator=options.estimator,
+                controller=options.controller,
+                overrides=overrides,
+                out=directory,
+                progress=progress,
+            )
+        from runtime.recording.report import write_report
+
+        report = write_report(directory)
+    print_summary(summary)
+    print(f"report: {report}")
+    return exit_code(summary)
+
+
+def simulate(robot: str, scenario: str, **options: Any) -> dict[str, Any]:
+    """Run one scenario and return the content of its `summary.json`."""
+    import msgspec
+
+    from sim_bridge.run import run_scenario
+
+    summary: dict[str, Any] = msgspec.to_builtins(run_scenario(robot, scenario, **options))
+    return summary
+
+
+def exit_code(summary: Mapping[str, Any]) -> int:
+    """What a run's outcome means to the shell."""
+    if summary.get("fault"):
+        return RobotFault.exit_code
+    return 0 if summary["completed"] and not summary["fell"] else 1

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of the state estimation."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e4)]
+
+
+class KalmanConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Noise and thresholds.
+
+    Attributes:
+        acceleration_noise, rate_noise: of the IMU's samples, per root hertz.
+        acceleration_walk, rate_walk: drift of its biases.
+        contact_velocity_mps: standard deviation of a standing foot's contact point from rest.
+        landing_velocity_mps: the same right after touchdown and right before lift-off.
+        localization_position_m, localization_yaw_rad: standard deviations of the localisation sensor.
+        localization_gate: innovations beyond this many standard deviations are rejected and counted.
+        localization_stale_ns: age from which the pose counts as missing.
+        contact_force_n: normal force from which a foot carries load.
+        early_contact_force_n: the same for a foot that is scheduled to be in the air, where leg inertia disturbs.
+        contact_filter_s: low-pass on the estimated force.
+        plane_time_s: low-pass on the stance plane's normal.
+        course_time_s: averaging of the course velocity, about one gait cycle.
+    """
+
+    acceleration_noise: Positive = 0.05
+    rate_noise: Positive = 0.002
+    acceleration_walk: Positive = 0.005
+    rate_walk: Positive = 2e-4
+    contact_velocity_mps: Positive = 0.03
+    landing_velocity_mps: Positive = 0.3
+    localization_position_m: Positive = 0.02
+    localization_yaw_rad: Positive = 0.0087
+    localization_gate: Positive = 6.0
+    localization_stale_ns: Annotated[int, msgspec.Meta(gt=0, le=10_000_000_000)] = 1_000_000_000
+    contact_force_n: Positive = 12.0
+    early_contact_force_n: Positive = 30.0
+    contact_filter_s: Positive = 0.006
+    plane_time_s: Positive = 0.1
+    course_time_s: Positive = 0.3

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The control law without whole-body control (variant FpM): J^T f for standing legs, Cartesian PD for the others."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from runtime.legged.whole_body import JointDamping, planned_force
+from runtime.models.leg_kinematics import LegKinematics
+from runtime.models.quadruped import Quadruped
+from runtime.models.rotations import matrix_of_quaternion
+from runtime.signals import BodyState, ContactForces, Gait, JointCommand, JointState
+
+Gain = Annotated[float, msgspec.Meta(ge=0.0, le=1e5)]
+
+
+class JacobianTransposeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Gains of the law without whole-body control.
+
+    Attributes:
+        swing_stiffness_n_pm, swing_damping_ns_pm: of the feet in the air.
+        joint_damping_nms_prad: of every joint, by the drives.
+    """
+
+    swing_stiffness_n_pm: Gain = 500.0
+    swing_damping_ns_pm: Gain = 15.0
+    joint_damping_nms_prad: JointDamping = 0.2
+
+
+class JacobianTransposeLaw:
+    """Maps planned forces to torques leg by leg.
+
+    Args:
+        description: of the robot.
+        config: gains.
+        body, joints, gait, forces: records read.
+        output: record written.
+    """
+
+    def __init__(
+        self,
+        description: Quadruped,
+        config: JacobianTransposeConfig,
+        body: BodyState,
+        joints: JointState,
+        gait: Gait,
+        forces: ContactForces,
+        output: JointCommand,
+    ) -> None:
+        self._config = config
+        self._body, self._joints, self._gait, self._forces, self._output = body, joints, gait, forces, output
+        self._legs = LegKinematics(description)
+
+    def command(self, now_ns: int) -> bool:
+        """Write one command for every joint; nothing here can fail."""
+        config, gait, body, output = self._config, self._gait, self._body, self._output
+        legs = self._legs.forward(self._joints.position, self._joints.velocity)
+        rotation = matrix_of_quaternion(body.orientation)
+        contact = gait.contact[:, None]
+        pull = config.swing_stiffness_n_pm * (gait.swing_position - body.foot_position)
+        pull += config.swing_damping_ns_pm * (gait.swing_velocity - body.foot_velocity)
+        force = np.where(contact, -planned_force(self._forces, now_ns), pull.reshape(4, 3))
+        output.stamp_ns = now_ns
+        output.position = self._joints.position
+        output.velocity = 0.0
+        output.effort = np.matmul(legs.jacobian.transpose(0, 2, 1), (force @ rotation)[:, :, None]).ravel()
+        output.stiffness = 0.0
+        output.damping = config.joint_damping_nms_prad
+        return True

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The quadratic program that reconciles planned forces with commanded accelerations (paper 000, between eq 42 and 43).
+
+    minimise ||delta_f||^2_W1 + ||delta_b||^2_W2
+    subject to  M_b (ddq + [delta_b; 0]) + h_b = J_b^T (f_mpc + delta_f),   friction pyramids on f_mpc + delta_f
+
+The six base rows determine delta_b, so it is eliminated and only the forces of the standing feet remain.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Annotated, NamedTuple
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from runtime.optimization.qp import QpSolver
+
+Array = npt.NDArray[np.float64]
+Weight = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
+
+
+class RelaxationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Weights and bounds.
+
+    Attributes:
+        force_weight: W1.
+        linear_weight, angular_weight: W2 for the trunk's linear and angular acceleration.
+        friction: coefficient of the ground.
+        force_max_n: largest normal force of a foot.
+    """
+
+    force_weight: Weight = 1.0
+    linear_weight: Weight = 0.1
+    angular_weight: Weight = 0.1
+    friction: Annotated[float, msgspec.Meta(gt=0.0, le=2.0)] = 0.6
+    force_max_n: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] = 250.0
+
+
+class Relaxation(NamedTuple):
+    """Forces (n, 3) and body acceleration change (6,) that satisfy the base dynamics."""
+
+    force: Array
+    delta_b: Array
+    solved: bool
+    residual: float
+
+
+def relax(
+    config: RelaxationConfig,
+    solver: QpSolver,
+    base_inertia: Array,
+    unbalanced: Array,
+    base_jacobian: Array,
+    planned: Array,
+    plane: Array,
+) -> Relaxation:
+    """Solve for the forces of the standing feet.
+
+    Args:
+        config: weights and bounds.
+        solver: of the QP.
+        base_inertia: M's base block, (6, 6).
+        unbalanced: base rows of M ddq + h, (6,): the wrench that the feet have to supply.
+        base_jacobian: base columns of the stacked contact Jacobian, (3 n, 6).
+        planned: f_mpc, (n, 3), in odom.
+        plane: columns are the tangents and the normal of the stance plane, (3, 3).
+
+    If the QP cannot be solved, the planned forces are kept and `solved` is false.
+    """
+    feet = planned.shape[0]
+    axes = np.kron(np.eye(feet), plane)
+    response = np.linalg.solve(base_inertia, np.column_stack((base_jacobian.T @ axes, unbalanced)))
+    change, demand = response[:, :-1], response[:, -1]
+    weights = np.array([config.linear_weight] * 3 + [config.angular_weight] * 3)
+    weighted = change * weights[:, None]
+    planned_axes = (planned @ plane).ravel()
+    hessian = weighted.T @ change
+    hessian.flat[:: hessian.shape[0] + 1] += config.force_weight
+    gradient = -(weighted.T @ demand) - config.force_weight * planned_axes
+    constraints, lower, upper = _pyramids(feet, config.friction / np.sqrt(2.0), config.force_max_n)
+    solution = solver.solve(hessian, gradient, constraints, lower, upper)
+    chosen = solution.x if solution.solved else planned_axes
+    delta_b = change @ chosen - demand
+    return Relaxation(chosen.reshape(feet, 3) @ plane.T, delta_b, solution.solved, solution.residual)
+
+
+@cache
+def _pyramids(feet: int, friction: float, force_max: float) -> tuple[Array, Array, Array]:
+    rows = np.array([[1.0, 0.0, -friction], [-1.0, 0.0, -friction], [0.0, 1.0, -friction], [0.0, -1.0, -friction]])
+    side = friction * force_max
+    lower = np.concatenate((np.tile([-side, -side, 0.0], feet), np.full(4 * feet, -1e9)))
+    upper = np.concatenate((np.tile([side, side, force_max], feet), np.zeros(4 * feet)))
+    return np.kron(np.eye(feet), rows), lower, upper

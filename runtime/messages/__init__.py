@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Standard ROS 2 messages as CDR bytes."""

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names, definition texts and type hashes of the standard ROS 2 messages."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+IMU = "sensor_msgs/msg/Imu"
+JOINT_STATE = "sensor_msgs/msg/JointState"
+ODOMETRY = "nav_msgs/msg/Odometry"
+TF = "tf2_msgs/msg/TFMessage"
+PATH = "nav_msgs/msg/Path"
+TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
+
+DISTRIBUTION = "jazzy"
+"""The ROS distribution whose definitions are written; these messages are the same since Humble."""
+
+
+@lru_cache(maxsize=1)
+def _store() -> Typestore:
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def definition(type_name: str) -> str:
+    """The full text of a standard message, the types it is made of appended.
+
+    Raises:
+        KeyError: if the distribution has no such message.
+    """
+    text, _ = _store().generate_msgdef(type_name, ros_version=2)
+    return text
+
+
+def type_hash(type_name: str, text: str | None = None) -> str:
+    """The RIHS01 hash of a standard message, or of the flat message that `text` defines under that name."""
+    store = _store()
+    if text is not None:
+        store = get_typestore(Stores.EMPTY)
+        store.register(get_types_from_msg(text, type_name))
+    return store.hash_rihs01(type_name)

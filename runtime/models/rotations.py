@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rotations: quaternions (x, y, z, w), roll-pitch-yaw (R = Rz Ry Rx), SO(3) logarithm; written for one at a time, fast."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+def matrix_of_quaternion(quaternion: Array) -> Array:
+    """Rotation matrix (3, 3) of a unit quaternion."""
+    x, y, z, w = quaternion.tolist()
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def quaternion_product(a: Array, b: Array) -> Array:
+    """Hamilton product: the rotation b followed, in the parent frame, by a."""
+    ax, ay, az, aw = a.tolist()
+    bx, by, bz, bw = b.tolist()
+    return np.array(
+        [
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        ]
+    )
+
+
+def quaternion_of_vector(rotation: Array) -> Array:
+    """Quaternion of a rotation vector (exponential map)."""
+    x, y, z = rotation.tolist()
+    angle = math.sqrt(x * x + y * y + z * z)
+    half = 0.5 * angle
+    scale = math.sin(half) / angle if angle > 1e-9 else 0.5
+    return np.array([x * scale, y * scale, z * scale, math.cos(half)])
+
+
+def quaternion_of_yaw(yaw: float) -> Array:
+    """Quaternion of a rotation about z."""
+    return np.array([0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)])
+
+
+def yaw_of_quaternion(quaternion: Array) -> float:
+    """Yaw angle in (-pi, pi]."""
+    x, y, z, w = quaternion.tolist()
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a rotation matrix."""
+    return (
+        math.atan2(rotation[2, 1], rotation[2, 2]),
+        math.asin(max(-1.0, min(1.0, -rotation[2, 0]))),
+        math.atan2(rotation[1, 0], rotation[0, 0]),
+    )
+
+
+def rotation_z(yaw: float) -> Array:
+    """Rotation matrix about z (T_z of paper 000)."""
+    s, c = math.sin(yaw), math.cos(yaw)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def rotation_vector(rotation: Array) -> Array:
+    """SO(3) logarithm: the rotation vector of a rotation matrix (angle below pi)."""
+    axis = np.array(
+        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+    )
+    cosine = 0.5 * (rotation[0, 0] + rotation[1, 1] + rotation[2, 2] - 1.0)
+    angle = math.acos(max(-1.0, min(1.0, cosine)))
+    sine = math.sin(angle)
+    return axis * (0.5 if angle < 1e-6 or sine < 1e-9 else 0.5 * angle / sine)
+
+
+def wrapped(angle: float) -> float:
+    """The same angle in [-pi, pi)."""
+    return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
+def aligned_with_plane(yaw: float, normal: Array) -> Array:
+    """Rotation (3, 3) whose z axis is the plane's normal and whose x axis has the given heading, seen from above."""
+    forward = np.array([math.cos(yaw), math.sin(yaw), 0.0])
+    lateral = np.cross(normal, forward)
+    lateral /= math.sqrt(float(lateral @ lateral))
+    return np.stack((np.cross(lateral, normal), lateral, normal), axis=1)
+
+
+def skew(vectors: Array) -> Array:
+    """Cross-product matrices (n, 3, 3) of vectors (n, 3)."""
+    matrices = np.zeros((vectors.shape[0], 3, 3))
+    matrices[:, 0, 1], matrices[:, 0, 2] = -vectors[:, 2], vectors[:, 1]
+    matrices[:, 1, 0], matrices[:, 1, 2] = vectors[:, 2], -vectors[:, 0]
+    matrices[:, 2, 0], matrices[:, 2, 1] = -vectors[:, 1], vectors[:, 0]
+    return matrices

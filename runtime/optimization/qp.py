@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Convex quadratic programs behind one interface.
+
+    minimise 1/2 x^T H x + g^T x   subject to   lower <= [x; C x] <= upper
+
+Each solve is stateless: the same numbers give the same bits in any process, which replay depends on. The status *and* the
+residual of every solve are checked.
+"""
+
+from __future__ import annotations
+
+import importlib.machinery
+import importlib.util
+from functools import cache
+from typing import Any, NamedTuple, Protocol
+
+import daqp
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+RESIDUAL_TOLERANCE = 1e-5
+"""Largest accepted violation of the optimality conditions, relative to the gradient's and bounds' magnitude."""
+
+
+class QpSolution(NamedTuple):
+    """The answer to one quadratic program.
+
+    Attributes:
+        x: minimiser, meaningful only if `solved`.
+        solved: the solver reported success and the residual confirms it.
+        residual: largest violation of stationarity or feasibility, relative to the magnitude of the data.
+        iterations: the solver's count.
+        cost: value of the objective.
+    """
+
+    x: Array
+    solved: bool
+    residual: float
+    iterations: int
+    cost: float
+
+
+class QpSolver(Protocol):
+    """Solves a strictly convex QP whose first bounds are on the variables and the others on `constraints @ x`."""
+
+    def solve(
+        self, hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array, guess: Array | None = None
+    ) -> QpSolution:
+        """Solve from scratch; `guess` is an optional first iterate."""
+
+
+def relative_residual(
+    x: Array,
+    multipliers: Array,
+    hessian: Array,
+    gradient: Array,
+    constraints: Array,
+    lower: Array,
+    upper: Array,
+) -> float:
+    """Largest relative violation of stationarity and primal feasibility (infinity if anything is not finite)."""
+    variables = x.shape[0]
+    stationarity = hessian @ x + gradient + multipliers[:variables] + multipliers[variables:] @ constraints
+    values = np.concatenate((x, constraints @ x))
+    violation = np.maximum(values - upper, lower - values).max()
+    residual = max(
+        float(np.abs(stationarity).max()) / (1.0 + float(np.abs(gradient).max())),
+        float(violation) / (1.0 + float(np.abs(values).max())),
+    )
+    return residual if np.isfinite(residual) else float("inf")
+
+
+class Daqp:
+    """Dual active-set solver; does not hold the GIL and is reproducible to the bit."""
+
+    def __init__(self, iteration_limit: int = 500) -> None:
+        self._iteration_limit = iteration_limit
+
+    def solve(
+        self, hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array, guess: Array | None = None
+    ) -> QpSolution:
+        """Solve; see `QpSolver`."""
+        if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
+            return QpSolution(np.zeros_like(gradient), False, float("inf"), 0, float("nan"))
+        x, cost, flag, info = daqp.solve(
+            hessian,
+            gradient,
+            constraints,
+            upper,
+            lower,
+            primal_start=guess,
+            iter_limit=self._iteration_limit,
+        )
+        if flag <= 0:
+            return QpSolution(x, False, float("inf"), int(info["iterations"]), float(cost))
+        residual = relative_residual(x, info["lam"], hessian, gradient, constraints, lower, upper)
+        return QpSolution(x, residual < RESIDUAL_TOLERANCE, residual, int(info["iterations"]), float(cost))
+
+
+@cache
+def _proxsuite_baseline() -> Any:
+    """The extension module of proxsuite's baseline build; importing the package would load a vectorised one instead."""
+    package = importlib.util.find_spec("proxsuite")
+    if package is None or not package.submodule_search_locations:
+        raise ImportError("the proxqp solver needs the package proxsuite")
+    finder = importlib.machinery.PathFinder()
+    spec = finder.find_spec("proxsuite_pywrap", list(package.submodule_search_locations))
+    if spec is None or spec.loader is None:
+        raise ImportError("the package proxsuite holds no baseline build (proxsuite_pywrap)")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class Proxqp:
+    """proxsuite's augmented-Lagrangian solver, in its baseline build, whose results do not depend on heap addresses."""
+
+    def __init__(self, iteration_limit: int = 200, accuracy: float = 1e-9) -> None:
+        self._module = _proxsuite_baseline()
+        self._iteration_limit, self._accuracy = iteration_limit, accuracy
+
+    def solve(
+        self, hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array, guess: Array | None = None
+    ) -> QpSolution:
+        """Solve; see `QpSolver`."""
+        variables = gradient.shape[0]
+        if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
+            return QpSolution(np.zeros(variables), False, float("inf"), 0, float("nan"))
+        rows = np.vstack((np.eye(variables), constraints))
+        dense = self._module.proxqp.dense
+        result = dense.solve_no_gil(
+            hessian,
+            gradient,
+            None,
+            None,
+            rows,
+            lower,
+            upper,
+            x=guess,
+            eps_abs=self._accuracy,
+            max_iter=self._iteration_limit,
+        )
+        x = np.asarray(result.x)
+        solved = result.info.status == self._module.proxqp.QPSolverOutput.PROXQP_SOLVED
+        residual = relative_residual(x, np.asarray(result.z), hessian, gradient, constraints, lower, upper)
+        return QpSolution(
+            x, solved and residual < RESIDUAL_TOLERANCE, residual, int(result.info.iter), float(result.info.objValue)
+        )
+
+
+SOLVERS = {"daqp": Daqp, "proxqp": Proxqp}
+"""Solvers by the name that a robot's TOML gives."""

@@ -1,0 +1,327 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's figures of a run, as SVG. The only place that imports matplotlib.
+
+Lines are drawn from at most a couple of thousand points: within each column of the picture the extremes are kept, so no
+peak is lost.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from runtime.recording import run_data
+from runtime.recording.run_data import Array, RunData, yaw_of
+from runtime.signals import Mode
+
+_COLUMNS = 600
+_CLOSE_UP_S = 1.5
+_INK, _FAINT = "#1d2733", "#8a97a6"
+_BLUE, _ORANGE, _GREEN, _RED, _VIOLET = "#2166c2", "#e07b00", "#2a9154", "#c8372d", "#7a4fbf"
+_STYLE: Any = {
+    "font.size": 9.5,
+    "axes.edgecolor": _FAINT,
+    "axes.labelcolor": _INK,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.titlecolor": _INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e3e8ee",
+    "grid.linewidth": 0.8,
+    "xtick.color": _INK,
+    "ytick.color": _INK,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.2,
+    "svg.hashsalt": "ugv",
+}
+
+
+class ReportFigure(NamedTuple):
+    """A picture with its title and what it shows, in a sentence."""
+
+    title: str
+    caption: str
+    svg: str
+
+
+def figures(data: RunData) -> list[ReportFigure]:
+    """Every figure that the run has data for."""
+    makers: Sequence[Callable[[RunData], ReportFigure | None]] = (
+        _map,
+        _path_errors,
+        _velocities,
+        _torques,
+        _look_ahead,
+        _estimate,
+        _loop_times,
+        _safety,
+    )
+    with mpl.rc_context(_STYLE):
+        return [made for made in (make(data) for make in makers) if made is not None]
+
+
+def _svg(figure: Figure) -> str:
+    stream = io.StringIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
+    text = stream.getvalue()
+    return text[text.index("<svg") :]
+
+
+def thinned(t: Array, y: Array, columns: int = _COLUMNS) -> tuple[Array, Array]:
+    """A line with the least and the greatest value of each of `columns` stretches kept."""
+    if len(t) <= 2 * columns:
+        return t, y
+    edges = np.linspace(0, len(t), columns + 1).astype(int)
+    kept = []
+    for begin, end in pairwise(edges.tolist()):
+        part = y[begin:end]
+        if np.isnan(part).all():
+            kept.append(begin)
+            continue
+        kept += sorted({begin + int(np.nanargmin(part)), begin + int(np.nanargmax(part))})
+    return t[kept], y[kept]
+
+
+def _line(axes: Axes, t: Array, y: npt.ArrayLike, label: str, color: str, width: float = 1.2) -> None:
+    axes.plot(*thinned(t, np.asarray(y, dtype=np.float64)), label=label, color=color, linewidth=width)
+
+
+def _stack(rows: int, height: float = 1.75) -> tuple[Figure, list[Axes]]:
+    """Axes below one another, with time in common."""
+    figure = Figure(figsize=(9.6, height * rows + 0.45), layout="constrained")
+    axes = [figure.add_subplot(rows, 1, 1)]
+    axes += [figure.add_subplot(rows, 1, row, sharex=axes[0]) for row in range(2, rows + 1)]
+    for upper in axes[:-1]:
+        upper.tick_params(labelbottom=False)
+    axes[-1].set_xlabel("time (s)")
+    return figure, axes
+
+
+def _legend(axes: Axes) -> None:
+    axes.legend(loc="upper right", ncols=4, borderaxespad=0.1, bbox_to_anchor=(1.0, 1.16))
+
+
+def _map(data: RunData) -> ReportFigure | None:
+    if data.pose_topic is None:
+        return None
+    position = data.signals[data.pose_topic].values["position"]
+    shown = np.vstack((position[:, :2], data.path_points))
+    low, high = shown.min(axis=0) - 0.8, shown.max(axis=0) + 0.8
+    span = high - low
+    figure = Figure(figsize=(9.6, float(np.clip(8.2 * span[1] / span[0] + 0.8, 2.6, 7.6))), layout="constrained")
+    axes = figure.add_subplot()
+    axes.grid(False)
+    if data.terrain is not None:
+        rows, columns = data.terrain.heights.shape
+        x0, y0, d = data.terrain.x0, data.terrain.y0, data.terrain.spacing
+        i0, i1 = np.clip([int((low[1] - y0) // d), int((high[1] - y0) // d) + 2], 0, rows)
+        j0, j1 = np.clip([int((low[0] - x0) // d), int((high[0] - x0) // d) + 2], 0, columns)
+        if i1 - i0 > 1 and j1 - j0 > 1:
+            extent = (x0 + (j0 - 0.5) * d, x0 + (j1 - 0.5) * d, y0 + (i0 - 0.5) * d, y0 + (i1 - 0.5) * d)
+            heights = data.terrain.heights[i0:i1, j0:j1]
+            scale, unit = (100.0, "cm") if np.ptp(heights) < 0.5 else (1.0, "m")
+            image = axes.imshow(
+                heights * scale, extent=extent, origin="lower", cmap="YlGnBu_r", alpha=0.45, interpolation="nearest"
+            )
+            figure.colorbar(image, ax=axes, label=f"terrain height ({unit})", shrink=0.8, pad=0.015)
+    if len(data.path_points):
+        axes.plot(*data.path_points.T, color=_INK, linewidth=2.2, linestyle=(0, (4, 2)), label="desired path")
+    chosen = run_data.every(data.signals[data.pose_topic].log_ns, 20_000_000)
+    axes.plot(*position[chosen, :2].T, color=_RED, linewidth=1.5, label="actual path (trunk)")
+    axes.plot(*position[0, :2], "o", color=_GREEN, markersize=7, label="start")
+    axes.plot(*position[-1, :2], "s", color=_RED, markersize=6, label="end")
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x (m)", ylabel="y (m)")
+    axes.legend(loc="best", frameon=True, framealpha=0.85, edgecolor="none")
+    whose = "true" if data.pose_topic == run_data.TRUTH else "estimated (the log has no true)"
+    ground = " over the terrain's height" if data.terrain is not None else ""
+    return ReportFigure("Path", f"Desired path and {whose} path of the trunk{ground}.", _svg(figure))
+
+
+def _path_errors(data: RunData) -> ReportFigure | None:
+    seen = data.against_path
+    if seen is None:
+        return None
+    figure, axes = _stack(3)
+    rows = (
+        ("x error (cm)", 100 * seen.x_error, _BLUE),
+        ("y error (cm)", 100 * seen.y_error, _ORANGE),
+        ("yaw error (deg)", np.degrees(seen.projection.heading_error), _GREEN),
+    )
+    for panel, (label, values, color) in zip(axes, rows, strict=True):
+        panel.axhline(0.0, color=_FAINT, linewidth=0.8)
+        _line(panel, seen.t, values, label, color)
+        panel.set_ylabel(label)
+    return ReportFigure(
+        "Tracking errors",
+        "Trunk against the nearest path point, whose arc length only grows; yaw against the path's heading there.",
+        _svg(figure),
+    )
+
+
+def _velocities(data: RunData) -> ReportFigure | None:
+    if data.pose_topic is None:
+        return None
+    pose = data.signals[data.pose_topic]
+    t, rows = pose.log_ns / 1e9, pose.values
+    yaw, v = yaw_of(rows["orientation"]), rows["linear_velocity"]
+    forward = np.cos(yaw) * v[:, 0] + np.sin(yaw) * v[:, 1]
+    lateral = -np.sin(yaw) * v[:, 0] + np.cos(yaw) * v[:, 1]
+    figure, axes = _stack(3)
+    _line(axes[0], t, forward, "forward", _BLUE, 0.9)
+    _line(axes[1], t, lateral, "lateral", _ORANGE, 0.9)
+    _line(axes[2], t, rows["angular_velocity"][:, 2], "yaw rate", _GREEN, 0.9)
+    command = data.signals.get(run_data.BODY_COMMAND)
+    if command is not None:
+        asked = command.values
+        for panel, values in zip(axes, (*asked["velocity"].T, asked["yaw_rate"]), strict=True):
+            panel.step(command.log_ns / 1e9, values, where="post", color=_INK, linewidth=1.1, label="commanded")
+    for panel, label in zip(axes, ("forward (m/s)", "lateral (m/s)", "yaw rate (rad/s)"), strict=True):
+        panel.set_ylabel(label)
+        _legend(panel)
+    return ReportFigure(
+        "Velocities",
+        "Linear velocity along and across the trunk's heading, and angular velocity about z.",
+        _svg(figure),
+    )
+
+
+def _torques(data: RunData) -> ReportFigure | None:
+    joints = data.signals.get(run_data.JOINT_STATE)
+    if joints is None:
+        return None
+    effort, t = joints.values["effort"], joints.log_ns / 1e9
+    count = min(3, effort.shape[1])
+    figure = Figure(figsize=(9.6, 1.75 * count + 0.45), layout="constrained")
+    grid = figure.add_gridspec(count, 2, width_ratios=(3, 2))
+    middle = float(t[len(t) // 2])
+    near = np.abs(t - middle) <= _CLOSE_UP_S / 2
+    command = data.signals.get(run_data.JOINT_COMMAND)
+    for joint, color in enumerate((_BLUE, _ORANGE, _GREEN)[:count]):
+        whole = figure.add_subplot(grid[joint, 0])
+        close = figure.add_subplot(grid[joint, 1], sharey=whole)
+        _line(whole, t, effort[:, joint], "measured", color, 0.6)
+        close.plot(t[near], effort[near, joint], color=color, label="measured")
+        if command is not None:
+            shown = np.abs(command.log_ns / 1e9 - middle) <= _CLOSE_UP_S / 2
+            feed = command.values["effort"][shown, joint]
+            close.plot(command.log_ns[shown] / 1e9, feed, color=_INK, linewidth=0.8, label="feed-forward")
+        name = data.joint_names[joint] if joint < len(data.joint_names) else f"joint {joint + 1}"
+        whole.set_ylabel(f"{name}\n(N·m)")
+        if joint == 0:
+            _legend(close)
+        if joint == count - 1:
+            whole.set_xlabel("time (s)")
+            close.set_xlabel("time (s)")
+    return ReportFigure(
+        "Joint torques",
+        f"Torques of the joints of the first leg: the whole run, and {_CLOSE_UP_S:g} s in the middle of it.",
+        _svg(figure),
+    )
+
+
+def _look_ahead(data: RunData) -> ReportFigure | None:
+    command = data.signals.get(run_data.BODY_COMMAND)
+    if command is None:
+        return None
+    t, rows = command.log_ns / 1e9, command.values
+    figure, axes = _stack(2)
+    _line(axes[0], t, rows["k_v"], "$k_v$", _BLUE)
+    _line(axes[0], t, rows["k_w"], "$k_w$", _ORANGE)
+    axes[0].set_ylabel("coefficients")
+    _legend(axes[0])
+    _line(axes[1], t, rows["look_ahead"], "look-ahead", _GREEN)
+    axes[1].set_ylabel("look-ahead (m)")
+    return ReportFigure(
+        "Look-ahead",
+        "Coefficients k_v and k_w of the fuzzy look-ahead (eq 17) and the distance they make.",
+        _svg(figure),
+    )
+
+
+def _estimate(data: RunData) -> ReportFigure | None:
+    truth, body = data.signals.get(run_data.TRUTH), data.signals.get(run_data.BODY_STATE)
+    if truth is None or body is None:
+        return None
+    t = body.log_ns / 1e9
+    at = np.clip(np.searchsorted(truth.log_ns, body.log_ns, side="right") - 1, 0, None)
+    gap = 100 * (body.values["position"] - truth.values["position"][at])
+    turn = yaw_of(body.values["orientation"]) - yaw_of(truth.values["orientation"][at])
+    figure, axes = _stack(2)
+    for axis, color in enumerate((_BLUE, _ORANGE, _GREEN)):
+        _line(axes[0], t, gap[:, axis], "xyz"[axis], color, 0.9)
+    axes[0].set_ylabel("position (cm)")
+    _legend(axes[0])
+    _line(axes[1], t, np.degrees(np.angle(np.exp(1j * turn))), "yaw", _VIOLET, 0.9)
+    axes[1].set_ylabel("yaw (deg)")
+    return ReportFigure("Estimate", "Estimated minus true pose of the trunk.", _svg(figure))
+
+
+def _loop_times(data: RunData) -> ReportFigure | None:
+    loops = [loop for loop in data.loops if loop.name in data.ticks]
+    if not loops:
+        return None
+    figure = Figure(figsize=(9.6, 2.35 * len(loops) + 0.2), layout="constrained")
+    grid = figure.add_gridspec(len(loops), 2, width_ratios=(3, 2))
+    for row, (loop, color) in enumerate(zip(loops, (_BLUE, _ORANGE, _GREEN, _VIOLET) * len(loops), strict=False)):
+        ticks = data.ticks[loop.name]
+        cost, t = ticks.values["compute_ns"] / 1e6, ticks.log_ns / 1e9
+        late, histogram = figure.add_subplot(grid[row, 0]), figure.add_subplot(grid[row, 1])
+        _line(late, t, cost, loop.name, color, 0.8)
+        late.axhline(loop.budget_ns / 1e6, color=_RED, linewidth=1.0, linestyle="--", label="budget")
+        late.set(ylabel="compute time (ms)", xlabel="time (s)" if row == len(loops) - 1 else "", ylim=(0.0, None))
+        late.set_title(f"{loop.name}, {1e9 / loop.period_ns:g} Hz")
+        _legend(late)
+        histogram.hist(cost, bins=60, color=color, alpha=0.75, log=True)
+        histogram.set(xlabel="compute time (ms)" if row == len(loops) - 1 else "", ylabel="ticks")
+        shares = (50.0, 99.0, 99.9)
+        values = np.percentile(cost, shares)
+        for value in values:
+            histogram.axvline(float(value), color=_INK, linewidth=0.9, linestyle="--")
+        histogram.set_title(
+            "   ".join(f"p{share:g} {value:.3f}" for share, value in zip(shares, values, strict=True)) + " ms"
+        )
+    return ReportFigure(
+        "Loop times",
+        "Wall time that the tasks of each loop took, tick by tick, and how it is distributed.",
+        _svg(figure),
+    )
+
+
+def _safety(data: RunData) -> ReportFigure | None:
+    safety = data.signals.get(run_data.SAFETY)
+    if safety is None:
+        return None
+    t, mode = safety.log_ns / 1e9, safety.values["mode"]
+    figure = Figure(figsize=(9.6, 1.25), layout="constrained")
+    axes = figure.add_subplot()
+    axes.grid(False)
+    colors = {
+        Mode.OFF: "#b8c2cc",
+        Mode.STANDBY: "#8fb4e3",
+        Mode.STANDING: _BLUE,
+        Mode.ACTIVE: _GREEN,
+        Mode.DAMPED: _RED,
+    }
+    edges = [0, *(np.flatnonzero(np.diff(mode)) + 1).tolist(), len(mode) - 1]
+    named = set()
+    for begin, end in pairwise(edges):
+        value = int(mode[begin])
+        name = Mode(value).name if value in set(Mode) else f"mode {value}"
+        color = colors.get(Mode(value), _FAINT) if value in set(Mode) else _FAINT
+        axes.axvspan(t[begin], t[end], color=color, linewidth=0, label=name if name not in named else None)
+        named.add(name)
+    axes.set(yticks=[], xlabel="time (s)", xlim=(t[0], max(t[-1], t[0] + 1e-3)))
+    axes.spines["left"].set_visible(False)
+    axes.legend(loc="lower left", ncols=5, bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+    return ReportFigure("Safety", "State of the safety filter.", _svg(figure))

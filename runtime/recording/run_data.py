@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the report needs of a run: its signals as arrays, and the true pose against the path."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from runtime.executors.tick import TICK_TOPIC_PREFIX
+from runtime.recording import setup
+from runtime.recording.errors import LogError
+from runtime.recording.log import Log, Signal
+from runtime.recording.metrics import Projection, project
+from runtime.tracking.errors import PathError
+from runtime.tracking.paths import Polyline
+
+Array = npt.NDArray[np.float64]
+
+TRUTH, BODY_STATE, BODY_COMMAND = "/ugv/truth", "/ugv/body_state", "/ugv/body_command"
+JOINT_STATE, JOINT_COMMAND, PATH, SAFETY = "/ugv/joint_state", "/ugv/joint_command", "/ugv/path", "/ugv/safety"
+_SIGNALS = (TRUTH, BODY_STATE, BODY_COMMAND, JOINT_STATE, JOINT_COMMAND, PATH, SAFETY)
+_PROJECTION_STEP_NS = 10_000_000
+
+
+class Terrain(NamedTuple):
+    """A height field: of the corner, the spacing, and heights (rows along y, columns along x), m."""
+
+    x0: float
+    y0: float
+    spacing: float
+    heights: Array
+
+
+class Loop(NamedTuple):
+    """A loop as the log describes it."""
+
+    name: str
+    period_ns: int
+    budget_ns: int
+
+
+@dataclass
+class AgainstPath:
+    """The true trunk against the path.
+
+    Attributes:
+        t: s.
+        projection: nearest path points.
+        x_error, y_error: true minus nearest path point, in odom, m.
+    """
+
+    t: Array
+    projection: Projection
+    x_error: Array
+    y_error: Array
+
+
+@dataclass
+class RunData:
+    """One run.
+
+    Attributes:
+        log: of the run.
+        summary: content of summary.json, empty if there is none.
+        signals: by topic, those that are there and not empty.
+        ticks: tick records by loop.
+        loops: as the log describes them.
+        joint_names: in the order of the joints.
+        path: the path that was followed, if any.
+        path_points: its waypoints, n x 2; the first repeated at the end of a closed path.
+        against_path: the true trunk (the estimated one where there is no truth) against it.
+        terrain: if the log carries it.
+    """
+
+    log: Log
+    summary: Mapping[str, Any]
+    signals: dict[str, Signal]
+    ticks: dict[str, Signal]
+    loops: list[Loop]
+    joint_names: list[str]
+    path: Polyline | None = None
+    path_points: Array = field(default_factory=lambda: np.empty((0, 2)))
+    against_path: AgainstPath | None = None
+    terrain: Terrain | None = None
+
+    @property
+    def pose_topic(self) -> str | None:
+        """Where the pose is taken from: truth, or else the estimate."""
+        return next((topic for topic in (TRUTH, BODY_STATE) if topic in self.signals), None)
+
+
+def load_run(run: Path) -> RunData:
+    """Read a run directory (or .mcap file) for its report.
+
+    Raises:
+        LogError: if there is no readable log.
+    """
+    log = Log(run)
+    wanted = [t for t in log.channels if t in _SIGNALS or t.startswith(TICK_TOPIC_PREFIX)]
+    signals = {topic: signal for topic, signal in log.read_signals(wanted).items() if len(signal.log_ns)}
+    ticks = {t[len(TICK_TOPIC_PREFIX) :]: s for t, s in signals.items() if t.startswith(TICK_TOPIC_PREFIX)}
+    described = _described(log)
+    data = RunData(
+        log=log,
+        summary=_summary(log.path.parent / "summary.json"),
+        signals={topic: signal for topic, signal in signals.items() if topic in _SIGNALS},
+        ticks=ticks,
+        loops=[Loop(e["name"], e["period_ns"], e["budget_ns"]) for e in described.get("loops", [])],
+        joint_names=list(described.get("joint_names", [])),
+        terrain=_terrain(log),
+    )
+    _find_path(data)
+    if data.path is not None and data.pose_topic is not None:
+        data.against_path = _against(data.path, data.signals[data.pose_topic])
+    return data
+
+
+def yaw_of(orientation: npt.NDArray[np.float64]) -> Array:
+    """Yaw of quaternions (x, y, z, w), n x 4, rad."""
+    x, y, z, w = orientation.T
+    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+def _described(log: Log) -> dict[str, Any]:
+    try:
+        described = log.json(setup.MANIFEST)
+    except LogError:
+        return {}
+    return described if isinstance(described, dict) else {}
+
+
+def _summary(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text())
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise LogError(f"{path} cannot be read: {error}") from None
+    return content if isinstance(content, dict) else {}
+
+
+def _terrain(log: Log) -> Terrain | None:
+    content = log.attachments.get(setup.TERRAIN)
+    if content is None:
+        return None
+    try:
+        with np.load(io.BytesIO(content)) as arrays:
+            x0, y0, spacing = (float(arrays[name]) for name in ("x0", "y0", "spacing"))
+            return Terrain(x0, y0, spacing, np.asarray(arrays["heights"], dtype=np.float64))
+    except (KeyError, ValueError, OSError, zipfile.BadZipFile) as error:
+        raise LogError(f"{log.path}: {setup.TERRAIN} cannot be read: {error}") from None
+
+
+def _find_path(data: RunData) -> None:
+    """The last path that has a beginning and an end."""
+    if PATH not in data.signals:
+        return
+    for row in data.signals[PATH].values[::-1]:
+        count, closed = int(row["count"]), bool(row["closed"])
+        points = np.column_stack((row["x"][:count], row["y"][:count]))
+        if count < 2:
+            continue
+        try:
+            data.path = Polyline(points, closed)
+        except PathError:
+            continue
+        data.path_points = np.vstack((points, points[:1])) if closed else points
+        return
+
+
+def _against(path: Polyline, pose: Signal) -> AgainstPath:
+    chosen = every(pose.log_ns, _PROJECTION_STEP_NS)
+    t, rows = pose.log_ns[chosen] / 1e9, pose.values[chosen]
+    x, y = rows["position"][:, 0].copy(), rows["position"][:, 1].copy()
+    seen = project(x, y, yaw_of(rows["orientation"]), path)
+    nearest = np.array([path.point(s) for s in seen.progress.tolist()])
+    return AgainstPath(t, seen, x - nearest[:, 0], y - nearest[:, 1])
+
+
+def every(log_ns: npt.NDArray[np.int64], step_ns: int) -> Sequence[int] | npt.NDArray[np.intp]:
+    """Indices of samples about `step_ns` apart."""
+    if len(log_ns) < 2:
+        return np.arange(len(log_ns))
+    typical = max(1.0, float(np.median(np.diff(log_ns))))
+    return np.arange(0, len(log_ns), max(1, round(step_ns / typical)))

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tasks at both ends of a fast loop: frames to joint state, joint command to frames."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.can_frame import as_frames
+from drivers.joint_group import REJECTED, Counter, JointGroup, Readings
+from runtime.records import Record, uint32_array
+from runtime.signals import CanFrames, JointCommand, JointState, Mode, OperatorRequest, SafetyStatus
+from runtime.tasks import Task
+
+COUNTERS = len(Counter)
+
+
+class CounterMemory(Record):
+    """A joint group's counters, indexed by `drivers.joint_group.Counter`."""
+
+    counters = uint32_array(COUNTERS)
+
+
+class DecodeTask(Task):
+    """Turns the frames that arrived since the last tick into the joint state.
+
+    Args:
+        group: the joints; counts in this task's state.
+        frames: record read.
+        output: record written.
+    """
+
+    name = "decode"
+
+    def __init__(self, group: JointGroup, frames: CanFrames, output: JointState) -> None:
+        self._group, self._frames, self._output = group, frames, output
+        self.reads, self.writes = (frames,), (output,)
+        self.state: CounterMemory = CounterMemory("/ugv/state/decode")
+        group.counters = self.state.counters
+        output.temperature = np.nan
+        self._readings = Readings(
+            output.position, output.velocity, output.effort, output.temperature, output.error, output.reply_ns
+        )
+
+    def step(self, now_ns: int) -> None:
+        """One tick; see `Task`."""
+        frames, output = self._frames, self._output
+        if frames.count and frames.stamp_ns == now_ns:
+            self._group.decode(as_frames(frames.data), frames.bus, frames.arrival_ns, frames.count, self._readings)
+        output.stamp_ns = int(output.reply_ns.max())
+        output.rejected = int(self.state.counters[REJECTED].sum())
+
+
+class EncodeTask(Task):
+    """Turns the safe joint command into frames; switches the drives on while the robot is off or being reset.
+
+    Args:
+        group: the joints; counts in this task's state.
+        command, status, operator: records read.
+        output: record written.
+    """
+
+    name = "encode"
+
+    def __init__(
+        self,
+        group: JointGroup,
+        command: JointCommand,
+        status: SafetyStatus,
+        operator: OperatorRequest,
+        output: CanFrames,
+    ) -> None:
+        self._group, self._command, self._status, self._operator = group, command, status, operator
+        self._output = output
+        self.reads, self.writes = (command, status, operator), (output,)
+        self.state: CounterMemory = CounterMemory("/ugv/state/encode")
+        group.counters = self.state.counters
+        self._count = len(group.joints)
+        output.bus[: self._count] = group.bus
+
+    def step(self, now_ns: int) -> None:
+        """One tick; see `Task`."""
+        group, command, output = self._group, self._command, self._output
+        if self._status.mode == Mode.OFF or (self._status.mode == Mode.DAMPED and self._operator.reset):
+            data = group.enable_frames().view(np.uint8)
+        else:
+            group.encode(
+                command.position,
+                command.velocity,
+                command.effort,
+                command.stiffness,
+                command.damping,
+                command.stamp_ns,
+                now_ns,
+            )
+            data = group.data
+        output.stamp_ns, output.count = now_ns, self._count
+        output.data[: data.shape[0]] = data

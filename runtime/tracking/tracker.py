@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tracking task: from a path and the estimate of the body to a command for the body."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from runtime.records import Record, boolean, float64, float64_array, int64, uint32
+from runtime.signals import BodyCommand, BodyState, Path
+from runtime.tasks import Task
+from runtime.tracking.errors import PathError
+from runtime.tracking.look_ahead import FixedLookAhead, FuzzyLookAhead
+from runtime.tracking.polyline import ClosestPoint, Polyline
+from runtime.tracking.pure_pursuit import bearing, drift_angle, low_pass, pursuit_curvature
+from runtime.tracking.speed import (
+    SpeedLimits,
+    approach_speed,
+    next_trim,
+    ramped,
+    regulated_speed,
+    surface_stretch,
+)
+from runtime.tracking.turn import TurnLimits, needs_turn, turn_rate
+from runtime.tracking.waypoints import wrapped
+
+Seconds = Annotated[float, Meta(gt=0.0, le=10.0)]
+
+
+class TrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Parameters of the tracker.
+
+    Attributes:
+        look_ahead: the look-ahead policy.
+        speed: limits of speed and yaw rate.
+        turn: when and how to turn in place.
+        search_window_m: how far ahead of the last progress the closest point is searched.
+        start_window_m: the same when a path is new; a path is run from its start.
+        error_filter_s: time constant of the filtered derivative ec of the lateral error.
+        drift_filter_s: time constant of the angle between heading and course.
+        drift_limit_rad: bound on that angle.
+        drift_minimum_mps: course speed below which the course is not trusted.
+        course_window_s: length of the average behind `BodyState.course_velocity` (a gait cycle).
+        longest_step_s: a longer gap between steps counts as this.
+    """
+
+    look_ahead: FixedLookAhead | FuzzyLookAhead = msgspec.field(default_factory=FuzzyLookAhead)
+    speed: SpeedLimits = msgspec.field(default_factory=SpeedLimits)
+    turn: TurnLimits = msgspec.field(default_factory=TurnLimits)
+    search_window_m: Annotated[float, Meta(ge=0.1, le=5.0)] = 0.6
+    start_window_m: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.5
+    error_filter_s: Seconds = 0.5
+    drift_filter_s: Seconds = 1.0
+    drift_limit_rad: Annotated[float, Meta(ge=0.0, le=0.8)] = 0.2
+    drift_minimum_mps: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.15
+    course_window_s: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.4
+    longest_step_s: Seconds = 0.1
+
+
+class TrackerState(Record):
+    """All that the tracker remembers, the path it follows included."""
+
+    stamp_ns = int64("ns", "of the last step, 0 before the first")
+    seen_path = uint32("", "checksum of the last path message, good or bad")
+    rejected_paths = uint32()
+    count = uint32("", "waypoints of the path that is followed, 0 none")
+    closed = boolean()
+    arrived = boolean()
+    turning = boolean("in place")
+    oriented = boolean("the heading to hold is known")
+    path_speed = float64("m/s", "commanded")
+    progress = float64("m")
+    error_magnitude = float64("m", "filtered magnitude of the lateral error")
+    drift = float64("rad", "filtered angle from heading to course")
+    speed = float64("m/s", "ramped, before the trim")
+    yaw_rate = float64("rad/s", "ramped")
+    trim = float64("", "share added to the speed")
+    heading = float64("rad", "last heading while moving")
+    x = float64_array("path", "m")
+    y = float64_array("path", "m")
+
+
+class PathTracker(Task):
+    """Fuzzy pure pursuit with speed regulation (paper 000, section 3), stepped at 25 Hz.
+
+    A path whose contents cannot be followed is counted and the one before is kept; a path without waypoints withdraws
+    it. A path is run from its start, to its goal, once: the same waypoints sent again only change the speed, and are
+    run again only after a withdrawal. While the body state is not finite the command is zero.
+
+    Args:
+        path: read.
+        body: read.
+        command: written.
+        config: parameters.
+    """
+
+    def __init__(self, path: Path, body: BodyState, command: BodyCommand, config: TrackerConfig | None = None) -> None:
+        self.name = "tracker"
+        self.config = config or TrackerConfig()
+        self._path, self._body, self._command = path, body, command
+        self._state = TrackerState("/ugv/state/tracker", path.sizes)
+        self._line: Polyline | None = None
+        self.reads = (path, body)
+        self.writes = (command,)
+        self.state = self._state
+
+    def restore(self, data: bytes | memoryview) -> None:
+        """Take up a saved state, and the path in it."""
+        held = self._held_path()
+        super().restore(data)
+        if self._line is None or self._held_path() != held:
+            self._line = self._held_line()
+
+    def step(self, now_ns: int) -> None:
+        """Track the path from the present body state."""
+        state, command = self._state, self._command
+        self._take_path()
+        dt = (now_ns - state.stamp_ns) * 1e-9 if state.stamp_ns else 0.0
+        dt = min(max(dt, 0.0), self.config.longest_step_s)
+        pose = _planar_pose(self._body)
+        command.clear()
+        command.stamp_ns = now_ns
+        command.rejected_paths = state.rejected_paths
+        if pose is None or self._line is None:
+            self._halt(pose)
+        else:
+            self._track(self._line, pose, dt)
+        state.stamp_ns = now_ns
+
+    def _take_path(self) -> None:
+        """Take up the path signal where its bytes changed."""
+        body = self._path.to_bytes()
+        checksum = zlib.crc32(body)
+        state = self._state
+        if checksum == state.seen_path:
+            return
+        state.seen_path = checksum
+        path = self._path
+        if path.count == 0:
+            state.count = 0
+            state.progress = 0.0
+            state.arrived = state.turning = False
+            self._line = None
+            return
+        try:
+            line = _line_of(path)
+        except PathError:
+            state.rejected_paths += 1
+            return
+        state.path_speed = path.speed
+        if self._follows(path):
+            return
+        self._line = line
+        state.count, state.closed = path.count, path.closed
+        state.x, state.y = path.x, path.y
+        state.arrived = state.turning = False
+        state.progress = -1.0
+
+    def _follows(self, path: Path) -> bool:
+        """Whether these waypoints are followed already."""
+        state, count = self._state, path.count
+        if state.count != count or state.closed != path.closed:
+            return False
+        return np.array_equal(state.x[:count], path.x[:count]) and np.array_equal(state.y[:count], path.y[:count])
+
+    def _held_path(self) -> tuple[int, bool, bytes, bytes]:
+        """All that the polyline is a function of."""
+        state = self._state
+        count = state.count
+        return count, bool(state.closed), state.x[:count].tobytes(), state.y[:count].tobytes()
+
+    def _held_line(self) -> Polyline | None:
+        state = self._state
+        if state.count == 0:
+            return None
+        return Polyline(np.column_stack((state.x[: state.count], state.y[: state.count])), bool(state.closed))
+
+    def _halt(self, pose: tuple[float, float, float] | None) -> None:
+        """Command rest, holding the heading."""
+        state, command = self._state, self._command
+        state.speed = state.yaw_rate = 0.0
+        if pose is not None and not state.oriented:
+            state.heading, state.oriented = pose[2], True
+        command.heading = state.heading
+        command.progress = max(state.progress, 0.0)
+        command.arrived = state.arrived
+
+    def _track(self, line: Polyline, pose: tuple[float, float, float], dt: float) -> None:
+        state, command, config = self._state, self._command, self.config
+        x, y, yaw = pose
+        fresh = state.progress < 0.0
+        window = config.start_window_m if fresh else config.search_window_m
+        closest = line.closest(x, y, max(state.progress, 0.0), window, beyond_goal=True)
+        travelled = 0.0 if fresh else closest.progress - state.progress
+        state.progress = closest.progress
+        remaining = line.length - closest.progress
+        state.arrived = bool(state.arrived) or remaining <= config.speed.goal_tolerance_m
+
+        rate = self._error_rate(closest.lateral_error, dt, fresh)
+        along = self._along_path(closest)
+        look_ahead = config.look_ahead(closest.lateral_error, rate, min(max(along, 0.0), config.speed.maximum_mps))
+        target = line.look_ahead_point(x, y, closest.progress, look_ahead.distance)
+
+        command.look_ahead, command.k_v, command.k_w = look_ahead
+        command.target[:] = target
+        command.lateral_error = closest.lateral_error
+        command.heading_error = wrapped(yaw - closest.heading)
+        command.progress = min(closest.progress, line.length)
+        command.remaining = max(remaining, 0.0)
+        command.arrived = state.arrived
+        if state.arrived:
+            state.speed = state.yaw_rate = 0.0
+        else:
+            stretch = surface_stretch(self._body.plane_normal.tolist(), closest.heading)
+            self._drive(pose, target, remaining, along * stretch, travelled * stretch, dt)
+            state.heading, state.oriented = yaw, True
+        command.heading = state.heading
+
+    def _drive(
+        self,
+        pose: tuple[float, float, float],
+        target: tuple[float, float],
+        remaining: float,
+        measured: float,
+        travelled: float,
+        dt: float,
+    ) -> None:
+        """Speed and yaw rate towards the target; `measured` and `travelled` are along the surface."""
+        state, command, config = self._state, self._command, self.config
+        limits = config.speed
+        x, y, yaw = pose
+        off = bearing(x, y, yaw, target)
+        state.turning = needs_turn(bool(state.turning), off, config.turn)
+        curvature = pursuit_curvature(x, y, yaw + self._drift(yaw, dt), target)
+        if state.turning:
+            wanted, cruise = 0.0, False
+        else:
+            regulated = regulated_speed(state.path_speed, curvature, limits)
+            wanted = approach_speed(regulated, remaining, limits)
+            cruise = wanted == state.path_speed == state.speed
+        reachable = max(measured, 0.0) + limits.lead_mps
+        if cruise and dt > 0.0:
+            state.trim = next_trim(state.trim, state.speed, travelled, dt, limits)
+        state.speed = ramped(
+            state.speed, min(wanted, reachable), limits.acceleration_mps2, limits.deceleration_mps2, dt
+        )
+        turn = turn_rate(off, config.turn) if state.turning else max(state.speed, 0.0) * curvature
+        bound = limits.maximum_yaw_rate_radps
+        change = limits.yaw_acceleration_radps2
+        state.yaw_rate = ramped(state.yaw_rate, min(max(turn, -bound), bound), change, change, dt)
+        command.velocity[0] = state.speed * (1.0 + state.trim)
+        command.yaw_rate = state.yaw_rate
+
+    def _error_rate(self, lateral_error: float, dt: float, fresh: bool) -> float:
+        """Filtered derivative of the magnitude of the lateral error, m/s."""
+        state = self._state
+        size, time_constant = abs(lateral_error), self.config.error_filter_s
+        state.error_magnitude = size if fresh else low_pass(state.error_magnitude, size, dt, time_constant)
+        return (size - state.error_magnitude) / time_constant
+
+    def _along_path(self, closest: ClosestPoint) -> float:
+        """Measured horizontal speed along the path, m/s."""
+        vx, vy = self._body.course_velocity.tolist()
+        return float(vx * math.cos(closest.heading) + vy * math.sin(closest.heading))
+
+    def _drift(self, yaw: float, dt: float) -> float:
+        """Filtered angle from the heading to the course; fades to zero where there is no course to speak of."""
+        state, config = self._state, self.config
+        vx, vy = self._body.course_velocity.tolist()
+        sample = 0.0
+        if math.hypot(vx, vy) >= config.drift_minimum_mps and not state.turning:
+            sample = drift_angle((vx, vy), yaw, float(self._body.angular_velocity[2]), config.course_window_s)
+            if abs(sample) > math.pi / 2:
+                sample = 0.0
+        sample = min(max(sample, -config.drift_limit_rad), config.drift_limit_rad)
+        state.drift = low_pass(state.drift, sample, dt, config.drift_filter_s)
+        return state.drift
+
+
+def _planar_pose(body: BodyState) -> tuple[float, float, float] | None:
+    """Position and yaw, or None where the state is not finite or was never written."""
+    x, y, z = body.position.tolist()
+    i, j, k, w = body.orientation.tolist()
+    rates = (*body.course_velocity.tolist(), *body.angular_velocity.tolist(), *body.plane_normal.tolist())
+    values = (x, y, z, i, j, k, w, *rates)
+    if not all(map(math.isfinite, values)) or i * i + j * j + k * k + w * w < 0.25:
+        return None
+    return x, y, math.atan2(2.0 * (w * k + i * j), w * w + i * i - j * j - k * k)
+
+
+def _line_of(path: Path) -> Polyline:
+    """The path signal as a polyline.
+
+    Raises:
+        PathError: if it cannot be followed.
+    """
+    if path.count > len(path.x):
+        raise PathError(f"{path.topic}: the path claims {path.count} points, at most {len(path.x)} fit")
+    if not (math.isfinite(path.speed) and path.speed > 0.0):
+        raise PathError(f"{path.topic}: speed = {path.speed} m/s must be positive and finite")
+    return Polyline(np.column_stack((path.x[: path.count], path.y[: path.count])), bool(path.closed))

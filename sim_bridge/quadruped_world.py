@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The far end of USLGO1's wires: MuJoCo, the virtual drives on the buses, the virtual sensors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from drivers.dialects import Dialect
+from drivers.joints import Joint
+from drivers.memory_bus import End, MemoryBus
+from runtime.models.quadruped import FEET, Quadruped
+from runtime.models.rotations import quaternion_of_yaw
+from runtime.records import Record
+from runtime.robots.simulation import SimulationConfig
+from runtime.signals import Truth
+from sim_bridge.quadruped_model import build
+from sim_bridge.sensors import BatterySensor, InertialSensor, LocalizationSensor
+from sim_bridge.terrain import HeightField
+from sim_bridge.virtual_drive import DriveModel, VirtualDrives
+
+Array = npt.NDArray[np.float64]
+WXYZ_TO_XYZW = [1, 2, 3, 0]
+DROP_M = 0.002
+"""Height from which the robot is set down."""
+
+
+def drive_model(config: SimulationConfig) -> DriveModel:
+    """The virtual drives' physics and firmware."""
+    return DriveModel(
+        peak_torque=config.peak_torque_nm,
+        no_load_speed=config.no_load_speed_radps,
+        encoder_counts=config.encoder_counts,
+        velocity_noise=config.velocity_noise_radps,
+        command_timeout_ns=config.command_timeout_ns,
+        timeout_damping=config.timeout_damping_nms_prad,
+        ambient_temperature=config.ambient_degc,
+        heating=config.heating_k_ps_pnm2,
+        cooling_time=config.cooling_s,
+        temperature_limit=config.drive_limit_degc,
+        bus_voltage=config.battery_v,
+    )
+
+
+class QuadrupedWorld:
+    """Physics, drives and sensors, advanced in virtual time.
+
+    Args:
+        description: geometry and masses.
+        config: physics, drives, sensors.
+        joints, dialect: of the drives.
+        terrain: the ground, or None for a plane.
+        bus: the wires to the runtime.
+        seed: of every noise.
+        start_pose: x, y, yaw.
+        joint_angles: at the start.
+        height_m: of the trunk origin above the ground at the start.
+
+    Attributes:
+        model, data: MuJoCo's.
+        drives, imu, localization, battery: the far ends.
+    """
+
+    def __init__(
+        self,
+        description: Quadruped,
+        config: SimulationConfig,
+        joints: Sequence[Joint],
+        dialect: Dialect,
+        terrain: HeightField | None,
+        bus: MemoryBus,
+        seed: int,
+        start_pose: tuple[float, float, float],
+        joint_angles: Array,
+        height_m: float,
+    ) -> None:
+        self.model = build(description, config, terrain)
+        self.data = mujoco.MjData(self.model)
+        self._terrain, self._bus = terrain, bus
+        self._step_ns, self._now_ns = config.time_step_ns, 0
+        noise = np.random.SeedSequence(seed).spawn(3)
+        imu_noise, pose_noise = (np.random.Generator(np.random.PCG64(sequence)) for sequence in noise[:2])
+        self.drives = VirtualDrives(joints, dialect, drive_model(config), int(noise[2].generate_state(1)[0]))
+        self.imu = InertialSensor(config, imu_noise)
+        self.localization = LocalizationSensor(config, pose_noise)
+        self.battery = BatterySensor(config)
+        self._push: tuple[int, int, Array] | None = None
+        self._foot_of_geom = {self.model.geom(f"{foot}_foot").id: index for index, foot in enumerate(FEET)}
+        self._trunk = self.model.body("trunk").id
+        self._settle(start_pose, joint_angles, height_m)
+
+    def _settle(self, start_pose: tuple[float, float, float], joint_angles: Array, height_m: float) -> None:
+        x, y, yaw = start_pose
+        qx, qy, qz, qw = quaternion_of_yaw(yaw)
+        ground = 0.0 if self._terrain is None else float(self._terrain.height(x, y))
+        self.data.qpos[:7] = (x, y, ground + height_m + DROP_M, qw, qx, qy, qz)
+        self.data.qpos[7:] = joint_angles
+        mujoco.mj_forward(self.model, self.data)
+        self.drives.torque(self.data.qpos[7:], self.data.qvel[6:], 0)
+        self._sense(0)
+
+    # -- time -----------------------------------------------------------------------------------------------------
+
+    def advance(self, until_ns: int) -> None:
+        """Step the physics up to a time, and answer the frames that arrive meanwhile."""
+        while self._now_ns + self._step_ns <= until_ns:
+            self._step()
+
+    def _step(self) -> None:
+        data, now_ns = self.data, self._now_ns
+        torque = self.drives.torque(data.qpos[7:], data.qvel[6:], now_ns)
+        data.qfrc_applied[6:] = torque
+        self._apply_push(now_ns)
+        mujoco.mj_step(self.model, data)
+        self._now_ns = now_ns = now_ns + self._step_ns
+        self.battery.drain(float(np.abs(torque * data.qvel[6:]).sum()), self._step_ns * 1e-9)
+        self.imu.feel(data.sensordata[:3], data.sensordata[3:6], now_ns)
+        self._sense(now_ns)
+        arrived = self._bus.receive(End.DEVICE, now_ns)
+        if len(arrived.bus):
+            frames, bus, send_ns = self.drives.answer(*arrived)
+            self._bus.send(End.DEVICE, bus, frames, send_ns)
+
+    def _sense(self, now_ns: int) -> None:
+        self.localization.see(self.data.qpos[:3], self.data.qpos[3:7][WXYZ_TO_XYZW], now_ns)
+
+    # -- disturbances ---------------------------------------------------------------------------------------------
+
+    def push(self, begin_ns: int, duration_ns: int, direction_rad: float, force_n: float) -> None:
+        """Push the trunk at its centre of mass; the direction is relative to its present yaw and then stays."""
+        angle = self.yaw + direction_rad
+        self._push = begin_ns, begin_ns + duration_ns, force_n * np.array([math.cos(angle), math.sin(angle), 0.0])
+
+    def _apply_push(self, now_ns: int) -> None:
+        if self._push is not None:
+            begin_ns, end_ns, force = self._push
+            self.data.xfrc_applied[self._trunk, :3] = force if begin_ns <= now_ns < end_ns else 0.0
+
+    # -- truth ----------------------------------------------------------------------------------------------------
+
+    @property
+    def position(self) -> Array:
+        """True trunk origin, m."""
+        return np.array(self.data.qpos[:3])
+
+    @property
+    def yaw(self) -> float:
+        """True yaw, rad."""
+        w, x, y, z = self.data.qpos[3:7].tolist()
+        return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+    @property
+    def tilt(self) -> float:
+        """True angle between the trunk's z axis and the vertical, rad."""
+        _, x, y, _ = self.data.qpos[3:7].tolist()
+        return math.acos(max(-1.0, min(1.0, 1 - 2 * (x * x + y * y))))
+
+    @property
+    def clearance(self) -> float:
+        """True height of the trunk origin above the ground below it, m."""
+        x, y, z = self.data.qpos[:3].tolist()
+        return z - (0.0 if self._terrain is None else float(self._terrain.height(x, y)))
+
+    def contact_forces(self) -> Array:
+        """Ground reaction on each foot, in odom, (4, 3)."""
+        total, wrench, data = np.zeros((4, 3)), np.zeros(6), self.data
+        geoms = data.contact.geom
+        for index in range(data.ncon):
+            first, second = geoms[index].tolist()
+            foot = self._foot_of_geom.get(second, self._foot_of_geom.get(first))
+            if foot is not None:
+                mujoco.mj_contactForce(self.model, data, index, wrench)
+                force = wrench[:3] @ data.contact.frame[index].reshape(3, 3)
+                total[foot] += force if second in self._foot_of_geom else -force
+        return total
+
+    def read(self, record: Record, now_ns: int) -> bool:
+        """Give the true state, as an input port."""
+        assert isinstance(record, Truth)
+        data = self.data
+        record.stamp_ns = now_ns
+        record.position, record.orientation = data.qpos[:3], data.qpos[3:7][WXYZ_TO_XYZW]
+        record.linear_velocity, record.angular_velocity = data.qvel[:3], data.qvel[3:6]
+        record.contact_force = self.contact_forces().ravel()
+        return True

@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One scenario in software-in-the-loop: robot and world on the same wires, in lockstep, logged and measured."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from drivers.dialects import dialect_named
+from drivers.memory_bus import MemoryBus
+from drivers.memory_ports import MemoryReader, MemoryWriter
+from runtime.configuration import dump
+from runtime.executors.lockstep import Lockstep, TickSink
+from runtime.recording.metrics import path_metrics
+from runtime.recording.recorder import RecorderProcess
+from runtime.recording.setup import TERRAIN, Attachment, recording_setup
+from runtime.robots import load_configuration, topics
+from runtime.robots.robot import Robot
+from runtime.robots.uslgo1.assembly import assemble
+from runtime.robots.uslgo1.config import Uslgo1Config
+from runtime.signals import BodyCommand, Fault, Gait, Mode, SafetyStatus
+from runtime.tracking.paths import Polyline
+from sim_bridge.courses import Push, Scenario, scenario as scenario_named
+from sim_bridge.quadruped_world import QuadrupedWorld
+from sim_bridge.script import WALK_NS, ScriptedOperator, ScriptedPath
+from sim_bridge.terrain import HeightField
+
+Progress = Callable[[float, float], None]
+SAMPLE_NS = 10_000_000
+FALLEN_TILT_RAD = 1.0
+FALLEN_CLEARANCE_M = 0.1
+STOPPED_FOR_NS = 700_000_000
+SETTLE_AFTER_FAULT_NS = 500_000_000
+PUSH_DIRECTIONS, PUSH_PHASES = 8, 4
+
+
+class NullSink:
+    """Takes datagrams and keeps none."""
+
+    def write(self, datagram: bytes) -> None:
+        """Forget it."""
+
+
+class Observer:
+    """Watches the true robot, gives the push, and says when the run is over."""
+
+    def __init__(
+        self, world: QuadrupedWorld, robot: Robot, config: Uslgo1Config, scenario: Scenario, progress: Progress | None
+    ) -> None:
+        self._world, self._scenario, self._config, self._progress = world, scenario, config, progress
+        records = {record.topic: record for loop in robot.loops for record in loop.writes}
+        self._safety: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
+        self._gait: Gait = records[topics.GAIT]  # type: ignore[assignment]
+        self._command: BodyCommand = records[topics.BODY_COMMAND]  # type: ignore[assignment]
+        self.samples: list[tuple[float, float, float, float]] = []
+        self.fell, self.fault = False, Fault.NONE
+        self.limit_ns = WALK_NS + int((scenario.time_limit_s + 3.0) * 1e9)
+        self._end_ns = self.limit_ns
+        self._pushed = scenario.push is None
+        self._stood = False
+        self._next_ns = 0
+
+    def over(self, now_ns: int) -> bool:
+        """Look at the robot; true when there is nothing more to see."""
+        if now_ns < self._next_ns:
+            return False
+        self._next_ns = now_ns + SAMPLE_NS
+        world = self._world
+        if now_ns >= WALK_NS or not self._scenario.waypoints:
+            self.samples.append((now_ns * 1e-9, *world.position[:2].tolist(), world.yaw))
+        if self._progress is not None and len(self.samples) % 25 == 1:
+            self._progress(now_ns * 1e-9, self.limit_ns * 1e-9 / 1.5)
+        if not self.fell and (world.tilt > FALLEN_TILT_RAD or world.clearance < FALLEN_CLEARANCE_M):
+            self.fell = bool(self._scenario.waypoints) or world.tilt > FALLEN_TILT_RAD
+        mode = self._safety.mode
+        if mode == Mode.DAMPED and not self.fault:
+            self.fault = Fault(self._safety.fault)
+        if self.fell or self.fault:
+            self._end_ns = min(self._end_ns, now_ns + SETTLE_AFTER_FAULT_NS)
+        if self._command.arrived and not self._gait.walking:
+            self._end_ns = min(self._end_ns, now_ns + STOPPED_FOR_NS)
+        if not self._scenario.waypoints:
+            self._stood |= mode == Mode.STANDING
+            if self._stood and mode == Mode.STANDBY:
+                self._end_ns = min(self._end_ns, now_ns + STOPPED_FOR_NS)
+        if not self._pushed:
+            self._push(now_ns)
+        return now_ns >= self._end_ns
+
+    def _push(self, now_ns: int) -> None:
+        """Schedule the push at the first wanted gait phase after its time."""
+        push, gait = self._scenario.push, self._gait
+        assert push is not None
+        begin_ns = WALK_NS + int(push.after_s * 1e9)
+        if now_ns < begin_ns or not gait.walking:
+            return
+        period = self._config.gait.period_ns
+        phase_ns = gait.cycle_start_ns + int(push.gait_phase * period)
+        at_ns = phase_ns + -(-(now_ns - phase_ns) // period) * period
+        self._world.push(at_ns, int(push.duration_s * 1e9), push.direction_rad, push.force_n)
+        self._pushed = True
+
+    @property
+    def stood_and_sat(self) -> bool:
+        """For scenarios without a path: it stood up and sat down again, without a fault."""
+        return self._stood and self._safety.mode == Mode.STANDBY and not self.fell
+
+
+def chosen_scenario(name: str, config: Uslgo1Config, seed: int) -> Scenario:
+    """The scenario with the configuration's changes; the seed of a push counts through directions and gait phases."""
+    chosen = scenario_named(name)
+    if config.scenario.speed_mps > 0.0 and chosen.waypoints:
+        chosen = chosen.with_speed(config.scenario.speed_mps)
+    if chosen.push is not None:
+        direction = 2 * np.pi * (seed % PUSH_DIRECTIONS) / PUSH_DIRECTIONS
+        phase = (seed // PUSH_DIRECTIONS) % PUSH_PHASES / PUSH_PHASES
+        push = Push(direction_rad=direction, impulse_n_s=config.scenario.push_impulse_n_s, gait_phase=phase)
+        chosen = chosen.with_push(push)
+    return chosen
+
+
+def run_scenario(
+    robot: str,
+    scenario: str,
+    *,
+    seed: int = 0,
+    estimator: str = "kalman",
+    controller: str = "FpMW",
+    overrides: Mapping[str, str] | None = None,
+    out: Path | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Run a scenario.
+
+    Args:
+        robot: its name.
+        scenario: its name.
+        seed: of terrain, noise and push.
+        estimator: "kalman" or "truth".
+        controller: "FpMW", "FpM" or "pMW".
+        overrides: configuration keys and values.
+        out: directory of the log and `summary.json`; None records nothing.
+        progress: called with the time reached and the time expected, s.
+
+    Returns:
+        The content of `summary.json`.
+
+    Raises:
+        UgvError: for an unknown robot, scenario or key, or an output that cannot be written.
+    """
+    chosen = {**(overrides or {}), "variant.estimator": estimator, "variant.controller": controller}
+    config = load_configuration(robot, chosen)
+    course = chosen_scenario(scenario, config, seed)
+    terrain = course.terrain(seed)
+    assembled = assemble(config)
+    bus = MemoryBus(config.drives.buses, config.drives.bit_rate_hz)
+    upright = bool(course.waypoints)
+    height = config.posture.height_m if upright else config.posture.sitting_height_m
+    world = QuadrupedWorld(
+        config.quadruped,
+        config.simulation,
+        config.drives.joints(config.safety),
+        dialect_named(config.drives.dialect),
+        terrain,
+        bus,
+        seed,
+        course.start_pose,
+        config.quadruped.standing_angles(height),
+        height,
+    )
+    inputs = {
+        topics.CAN_RECEIVED: MemoryReader(bus),
+        topics.IMU: world.imu,
+        topics.LOCALIZATION: world.localization,
+        topics.BATTERY: world.battery,
+        topics.TRUTH: world,
+        topics.OPERATOR: ScriptedOperator(course, config.posture.rise_s),
+        topics.PATH: ScriptedPath(course),
+    }
+    observer = Observer(world, assembled, config, course, progress)
+    with ExitStack() as stack:
+        sink: TickSink = NullSink()
+        log = ""
+        if out is not None:
+            setup = recording_setup(
+                assembled.loops,
+                assembled.name,
+                dump(config),
+                seed,
+                assembled.joint_names,
+                revision=git_revision(),
+                extra=(Attachment(TERRAIN, "application/octet-stream", _packed(terrain)),),
+            )
+            recorder = stack.enter_context(RecorderProcess(out, setup))
+            sink, log = recorder, recorder.path.name
+        executor = Lockstep(assembled.loops, inputs, {topics.CAN_SENT: MemoryWriter(bus)}, world, sink)
+        began = time.perf_counter()
+        reached_ns = executor.run(observer.limit_ns, observer.over)
+        wall_s = time.perf_counter() - began
+    summary = {
+        "robot": robot,
+        "scenario": scenario,
+        "seed": seed,
+        "controller": controller,
+        "estimator": estimator,
+        **_outcome(observer, course),
+        "fell": observer.fell,
+        "fault": "" if not observer.fault else str(observer.fault.name),
+        "sim_time_s": reached_ns * 1e-9,
+        "wall_time_s": wall_s,
+        "realtime_factor": reached_ns * 1e-9 / wall_s,
+        **_timings(executor, config),
+        "log": log,
+    }
+    if out is not None:
+        (out / "summary.json").write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
+    return summary
+
+
+def _outcome(observer: Observer, course: Scenario) -> dict[str, Any]:
+    if not course.waypoints:
+        return {"completed": observer.stood_and_sat and not observer.fault}
+    path = Polyline(course.waypoints, course.closed)
+    t, x, y, yaw = np.array(observer.samples).T
+    metrics = path_metrics(t, np.stack((x, y), axis=1), yaw, path, course.time_limit_s, course.profile)
+    outcome = metrics.summary(course.speed_mps)
+    if course.push is not None:
+        outcome["push_recovered"] = not observer.fell and metrics.completed
+    return outcome
+
+
+def _timings(executor: Lockstep, config: Uslgo1Config) -> dict[str, Any]:
+    """Wall times of the loops' steps, ms, and how many exceeded the loop's period."""
+    figures: dict[str, Any] = {}
+    missed: dict[str, int] = {}
+    periods = {"wbc": config.loops.wbc_period_ns, "mpc": config.loops.mpc_period_ns}
+    for name, values in executor.compute_ns.items():
+        taken = np.array(values, dtype=np.float64)
+        median, p99 = np.percentile(taken, (50, 99)) * 1e-6
+        figures[f"{name}_ms"] = {"median": float(median), "p99": float(p99), "max": float(taken.max() * 1e-6)}
+        missed[name] = int((taken > periods[name]).sum())
+    return {**figures, "missed_deadlines": missed}
+
+
+def _packed(terrain: HeightField) -> bytes:
+    buffer = io.BytesIO()
+    arrays: dict[str, npt.ArrayLike] = {
+        "x0": terrain.x_origin_m,
+        "y0": terrain.y_origin_m,
+        "spacing": terrain.spacing_m,
+        "heights": terrain.heights_m,
+    }
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def git_revision() -> str | None:
+    """The revision of the code, if it lies in a git checkout."""
+    here = Path(__file__).resolve().parent
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(here), "describe", "--always", "--dirty"], capture_output=True, text=True, check=True
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return done.stdout.strip()

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Virtual sensors: what the IMU, the localisation and the battery say of the true state. All seeded."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+import numpy.typing as npt
+
+from runtime.models.rotations import quaternion_of_vector, quaternion_product
+from runtime.records import Record
+from runtime.robots.simulation import SimulationConfig
+from runtime.signals import Battery, Imu, Pose
+
+Array = npt.NDArray[np.float64]
+NS_PER_SECOND = 1_000_000_000
+
+
+class InertialSensor:
+    """An integrating IMU: each sample is the mean over its period, plus bias, bias walk and white noise."""
+
+    def __init__(self, config: SimulationConfig, generator: np.random.Generator) -> None:
+        self._period_ns = NS_PER_SECOND // config.imu_rate_hz
+        root_rate = np.sqrt(config.imu_rate_hz)
+        self._noise = np.repeat((config.imu_acceleration_noise, config.imu_rate_noise), 3) * root_rate
+        self._walk = np.repeat((config.imu_acceleration_walk, config.imu_rate_walk), 3) / root_rate
+        initial = np.repeat((config.imu_acceleration_bias_mps2, config.imu_rate_bias_radps), 3)
+        self._generator = generator
+        self._bias = initial * generator.standard_normal(6)
+        self._sum, self._count = np.zeros(6), 0
+        self._sequence, self._stamp_ns = 0, 0
+        self._sample = np.zeros(6)
+        self._fresh = False
+
+    def feel(self, acceleration: Array, rate: Array, now_ns: int) -> None:
+        """Take in one physics step that ended at `now_ns`."""
+        self._sum[:3] += acceleration
+        self._sum[3:] += rate
+        self._count += 1
+        if now_ns % self._period_ns == 0:
+            white, drift = self._generator.standard_normal((2, 6))
+            self._bias += self._walk * drift
+            self._sample = self._sum / self._count + self._bias + self._noise * white
+            self._sum, self._count = np.zeros(6), 0
+            self._sequence, self._stamp_ns, self._fresh = self._sequence + 1, now_ns, True
+
+    def read(self, record: Record, now_ns: int) -> bool:
+        """Give the newest sample, as an input port."""
+        assert isinstance(record, Imu)
+        if not self._fresh:
+            return False
+        self._fresh = False
+        record.stamp_ns, record.sequence = self._stamp_ns, self._sequence
+        record.linear_acceleration, record.angular_velocity = self._sample[:3], self._sample[3:]
+        return True
+
+
+class LocalizationSensor:
+    """Stand-in for the lidar's SLAM: white unbiased noise, stamped at acquisition, delivered late."""
+
+    def __init__(self, config: SimulationConfig, generator: np.random.Generator) -> None:
+        self._config, self._generator = config, generator
+        self._period_ns = NS_PER_SECOND // config.localization_rate_hz
+        self._pending: deque[tuple[int, int, Array, Array]] = deque()
+        self._sequence = 0
+
+    def see(self, position: Array, orientation: Array, now_ns: int) -> None:
+        """Acquire a pose if one is due at `now_ns`."""
+        if now_ns % self._period_ns:
+            return
+        config, noise = self._config, self._generator.standard_normal(6)
+        turned = quaternion_product(quaternion_of_vector(config.localization_angle_rad * noise[3:]), orientation)
+        self._sequence += 1
+        self._pending.append((now_ns, self._sequence, position + config.localization_position_m * noise[:3], turned))
+
+    def read(self, record: Record, now_ns: int) -> bool:
+        """Give the newest pose whose latency has passed, as an input port."""
+        assert isinstance(record, Pose)
+        arrived = False
+        while self._pending and self._pending[0][0] + self._config.localization_latency_ns <= now_ns:
+            record.stamp_ns, record.sequence, record.position, record.orientation = self._pending.popleft()
+            arrived = True
+        return arrived
+
+
+class BatterySensor:
+    """A battery with an inner resistance, drained by the motors' mechanical power."""
+
+    IDLE_W = 40.0
+    PERIOD_NS = 100_000_000
+
+    def __init__(self, config: SimulationConfig) -> None:
+        self._config = config
+        self._charge, self._current, self._next_ns = 1.0, 0.0, 0
+
+    def drain(self, power_w: float, seconds: float) -> None:
+        """Take in the power drawn over one physics step."""
+        config = self._config
+        self._current = (self.IDLE_W + max(power_w, 0.0)) / config.battery_v
+        self._charge -= self._current * seconds / 3600.0 / config.battery_capacity_ah
+
+    def read(self, record: Record, now_ns: int) -> bool:
+        """Give the state ten times a second, as an input port."""
+        assert isinstance(record, Battery)
+        if now_ns < self._next_ns:
+            return False
+        self._next_ns = now_ns + self.PERIOD_NS
+        record.stamp_ns, record.current, record.charge = now_ns, self._current, self._charge
+        record.voltage = self._config.battery_v - self._config.battery_resistance_ohm * self._current
+        return True

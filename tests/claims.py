@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Walks the scenarios and compares with what is claimed: `make claims`, on a few seeds so that a change is seen.
+
+`python tests/claims.py --full` runs the seeds that the claims are made for. Exit code 1 if a bound is missed; times are
+printed, and never decide, since they depend on the machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from runtime.cli.batch import Job, Summary, run_jobs
+from runtime.cli.console import print_table, progress_bar
+from runtime.cli.main import single_threaded
+from runtime.errors import UgvError
+
+SPEED_KEY = "scenario.speed_mps"
+IMPULSE_KEY = "scenario.push_impulse_n_s"
+FASTEST_TROT_MPS = 1.2
+PUSHES = 8 * 4 * 5  # directions, gait phases, repetitions: the seed of `push` counts through them
+
+Measure = Callable[[Sequence[Summary]], float]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A figure over some runs, and the bound that it has to keep.
+
+    Attributes:
+        name: what is claimed.
+        jobs: the runs that it is measured on.
+        measure: makes the figure of their summaries.
+        bound: the largest (or, with `at_least`, the smallest) figure that keeps the claim; None to report only.
+        aim: what the figure should become.
+        decides: false for figures that depend on the machine.
+    """
+
+    name: str
+    jobs: tuple[Job, ...]
+    measure: Measure
+    bound: float | None
+    aim: float | None
+    at_least: bool = False
+    decides: bool = True
+
+    def kept(self, figure: float) -> bool:
+        """Whether the figure keeps the bound; NaN never does."""
+        if self.bound is None:
+            return True
+        return figure >= self.bound if self.at_least else figure <= self.bound
+
+
+def completed(summaries: Sequence[Summary]) -> float:
+    """Runs that reached the goal without a fall."""
+    return sum(bool(summary["completed"]) and not summary["fell"] for summary in summaries)
+
+
+def worst(*keys: str) -> Measure:
+    """The largest of one key of the summaries; infinite if a run was not completed or has no such figure."""
+
+    def measure(summaries: Sequence[Summary]) -> float:
+        return max(_figure(summary, keys) for summary in summaries)
+
+    return measure
+
+
+def least(key: str) -> Measure:
+    """The smallest of one key."""
+    return lambda summaries: min(summary[key] for summary in summaries)
+
+
+def speed_deviation(summaries: Sequence[Summary]) -> float:
+    """Largest deviation of the mean speed from the commanded one, as a part of it."""
+    return max(
+        abs(_figure(summary, ("speed_mps", "mean")) / summary["speed_mps"]["commanded"] - 1.0) for summary in summaries
+    )
+
+
+def mean_of_completed(summaries: Sequence[Summary]) -> float:
+    """Mean tracking error over the runs; infinite if one was not completed."""
+    return sum(_figure(summary, ("tracking_error_m", "mean")) for summary in summaries) / len(summaries)
+
+
+def _figure(summary: Summary, keys: Sequence[str]) -> float:
+    value: Any = summary if summary["completed"] else None
+    for key in keys:
+        value = None if value is None else value[key]
+    return math.inf if value is None or math.isnan(value) else float(value)
+
+
+def claims(full: bool) -> list[Claim]:
+    """The table, on the seeds it is claimed for or on a few."""
+    lines = range(20 if full else 2)
+    others = range(10 if full else 1)
+    pushes = range(0, PUSHES, 1 if full else 37)
+    trots = range(5 if full else 1)
+
+    def jobs(scenario: str, seeds: range, **options: Any) -> tuple[Job, ...]:
+        return tuple(Job(scenario, seed, **options) for seed in seeds)
+
+    line_3, line_6 = jobs("line-3cm", lines), jobs("line-6cm", lines)
+    circle, curve = jobs("circle-6cm", range(len(others))), jobs("s-curve", others)
+    walks = line_3 + line_6
+    rms = worst("lateral_error_m", "rms")
+    table = [Claim("lines: completed", walks, completed, len(walks), len(walks), at_least=True)]
+    for scenario, bound, aim in (
+        ("flat", 0.01, 0.005),
+        ("line-3cm", 0.01, 0.005),
+        ("line-6cm", 0.015, 0.008),
+        ("circle-6cm", 0.04, 0.02),
+    ):
+        truth = jobs(scenario, others, estimator="truth")
+        table.append(Claim(f"{scenario}, truth: lateral RMS m", truth, rms, bound, aim))
+    for name, runs, bound, aim in (
+        ("line-3cm", line_3, 0.03, 0.02),
+        ("line-6cm", line_6, 0.04, 0.025),
+        ("circle-6cm", circle, 0.05, 0.03),
+    ):
+        table.append(Claim(f"{name}: lateral RMS m", runs, rms, bound, aim))
+    fast = jobs("flat", trots, overrides={SPEED_KEY: str(FASTEST_TROT_MPS)})
+    push = jobs("push", pushes, overrides={IMPULSE_KEY: "10"})
+    hard_push = jobs("push", pushes, overrides={IMPULSE_KEY: "15"})
+    climb, descent = jobs("slope-up-15", others), jobs("slope-down-20", others)
+    return [
+        *table,
+        Claim("mean speed, deviation from commanded", walks + circle, speed_deviation, 0.03, 0.01),
+        Claim("s-curve: completed", curve, completed, len(curve), len(curve), at_least=True),
+        Claim("s-curve: mean tracking error m", curve, mean_of_completed, 0.10, 0.05),
+        Claim("climb of 15 degrees: completed", climb, completed, len(climb), len(climb), at_least=True),
+        Claim("descent of 20 degrees: completed", descent, completed, len(descent), len(descent), at_least=True),
+        Claim("push of 10 N.s: withstood", push, completed, len(push), len(push), at_least=True),
+        Claim("push of 15 N.s: withstood", hard_push, completed, None, len(hard_push), at_least=True),
+        Claim(f"flat at {FASTEST_TROT_MPS} m/s: deviation", fast, speed_deviation, 0.05, 0.05),
+        Claim("MPC p99 ms", circle, worst("mpc_ms", "p99"), 3.0, 1.5, decides=False),
+        Claim("WBC tick median ms", circle, worst("wbc_ms", "median"), 0.8, 0.4, decides=False),
+        Claim("WBC tick p99 ms", circle, worst("wbc_ms", "p99"), 1.6, 0.8, decides=False),
+        Claim("real-time factor", circle, least("realtime_factor"), 1.5, 2.5, at_least=True, decides=False),
+    ]
+
+
+def run(table: Sequence[Claim]) -> int:
+    """Run every job once, print the table, and return the exit code."""
+    names = {_identity(job): job for claim in table for job in claim.jobs}
+    with progress_bar("claims") as progress:
+        summaries = dict(zip(names, run_jobs(list(names.values()), progress), strict=True))
+    rows, missed = [], 0
+    for claim in table:
+        figure = claim.measure([summaries[_identity(job)] for job in claim.jobs])
+        kept = claim.kept(figure)
+        missed += claim.decides and not kept
+        sign = ">=" if claim.at_least else "<="
+        bound = "reported" if claim.bound is None else f"{sign} {claim.bound:g}"
+        verdict = ("kept" if kept else "MISSED") if claim.decides else ("kept" if kept else "not on this machine")
+        rows.append((claim.name, len(claim.jobs), figure, bound, claim.aim, verdict))
+    print_table("Claims", ("claim", "runs", "measured", "bound", "aim", ""), rows)
+    return 1 if missed else 0
+
+
+def _identity(job: Job) -> str:
+    return repr(job)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the claims that were asked for."""
+    parser = argparse.ArgumentParser(prog="claims", description="Compares what is measured with what is claimed.")
+    parser.add_argument("--full", action="store_true", help="all the seeds that the claims are made for")
+    parser.add_argument("--only", default="", metavar="TEXT", help="the claims whose name contains this")
+    options = parser.parse_args(arguments)
+    table = [claim for claim in claims(options.full) if options.only in claim.name]
+    if not table:
+        print(f"claims: none contains {options.only!r}", file=sys.stderr)
+        return 2
+    single_threaded()
+    try:
+        return run(table)
+    except UgvError as error:
+        print(f"claims: {error}", file=sys.stderr)
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`ugv experiment` and `ugv bench` print their figures beside what they are compared with."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime.cli import main as cli
+from runtime.cli.batch import Job
+from runtime.cli.bench import dense_inference, percentiles
+from runtime.cli.experiment import BASELINE, S_CURVE, average
+from runtime.tracking.fuzzy import infer
+
+
+def summary_of(job: Job, completed: bool = True) -> dict[str, Any]:
+    """A run that reproduces the paper exactly."""
+    printed = S_CURVE[job.controller]
+    return {
+        "scenario": job.scenario,
+        "controller": job.controller,
+        "completed": completed,
+        "completion_time_s": printed.time_s if completed else None,
+        "tracking_error_m": {"mean": printed.mean_m, "std": printed.std_m},
+        "lateral_error_m": {"rms": 0.01},
+        "speed_mps": {"mean": 0.5},
+    }
+
+
+@pytest.mark.parametrize("completed", [True, False])
+def test_paper_000_prints_measured_beside_printed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], completed: bool
+) -> None:
+    asked: list[Job] = []
+
+    def run_jobs(jobs: Sequence[Job], progress: Any) -> list[dict[str, Any]]:
+        asked.extend(jobs)
+        return [summary_of(job, completed) for job in jobs]
+
+    monkeypatch.setattr("runtime.cli.batch.run_jobs", run_jobs)
+    assert cli.main(["experiment", "paper-000", "--seeds", "2"]) == (0 if completed else 1)
+    assert len(asked) == 3 + 2 * len(S_CURVE)
+    out = capsys.readouterr().out
+    assert out.count("0.5457") == (2 if completed else 1)
+    assert out.count("0.8533") == (2 if completed else 1)
+
+
+def test_runs_that_were_not_completed_do_not_count() -> None:
+    runs = [summary_of(Job("s-curve", controller=BASELINE)), summary_of(Job("s-curve"), completed=False)]
+    assert average(runs) == S_CURVE[BASELINE]
+    assert average(runs[1:]) is None
+
+
+@given(st.floats(-4, 4), st.floats(-4, 4))
+def test_the_fuzzy_yardstick_agrees(e: float, ec: float) -> None:
+    assert dense_inference(e, ec) == pytest.approx(infer(e, ec), abs=1e-12)
+
+
+def test_percentiles_are_median_high_and_largest() -> None:
+    assert percentiles(range(101)) == (50.0, 99.0, 100.0)

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report stands on its own, shows what the log holds, and says what it lacks."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import shutil
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from runtime import signals
+from runtime.executors.lockstep import Lockstep
+from runtime.recording.bag import BagSink
+from runtime.recording.errors import LogError, RecordingError
+from runtime.recording.log import Log
+from runtime.recording.report import write_report
+from runtime.recording.report_figures import thinned
+from runtime.recording.run_data import load_run
+from runtime.recording.setup import TERRAIN, Attachment, recording_setup
+from runtime.tasks import Loop, Scheduled, Task
+
+SIZES = {"joint": 3, "foot": 4, "foot_xyz": 12, "foot_pair": 16, "path": 8}
+
+
+class Walk(Task):
+    """Writes what a robot that walks 5 cm beside a line would."""
+
+    name = "walk"
+
+    def __init__(self) -> None:
+        self.truth, self.path = signals.Truth("/ugv/truth", SIZES), signals.Path("/ugv/path", SIZES)
+        self.joints = signals.JointState("/ugv/joint_state", SIZES)
+        self.command = signals.BodyCommand("/ugv/body_command", SIZES)
+        self.safety = signals.SafetyStatus("/ugv/safety", SIZES)
+        self.body = signals.BodyState("/ugv/body_state", SIZES)
+        self.writes = (self.truth, self.path, self.joints, self.command, self.safety, self.body)
+
+    def step(self, now_ns: int) -> None:
+        t = now_ns / 1e9
+        self.truth.position, self.truth.orientation = (0.6 * t, 0.05, 0.3), (0.0, 0.0, 0.0, 1.0)
+        self.body.position, self.body.orientation = (0.6 * t, 0.06, 0.3), (0.0, 0.0, 0.0, 1.0)
+        self.truth.linear_velocity = (0.6, 0.0, 0.0)
+        self.path.count, self.path.x = 2, (0.0, 3.0, 0, 0, 0, 0, 0, 0)
+        self.joints.effort = np.sin(30 * t + np.arange(3))
+        self.safety.mode = signals.Mode.ACTIVE if t < 1.5 else signals.Mode.DAMPED
+        self.safety.fault = 0 if t < 1.5 else signals.Fault.TILT
+
+
+class Nothing:
+    """A world without content."""
+
+    def advance(self, until_ns: int) -> None:
+        """Let time pass."""
+
+
+def terrain(heights) -> Attachment:
+    stream = io.BytesIO()
+    np.savez(stream, x0=-2.0, y0=-2.0, spacing=0.1, heights=heights)
+    return Attachment(TERRAIN, "application/octet-stream", stream.getvalue())
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory):
+    run = tmp_path_factory.mktemp("walks") / "line"
+    loops = (Loop("wbc", 10_000_000, 1_000_000, 80, (), (), (Scheduled(Walk()),), ()),)
+    ground = terrain(np.random.default_rng(0).uniform(-0.03, 0.03, (50, 80)))
+    sink = BagSink(run, recording_setup(loops, "toy", "a < b & c\n", 3, ("hip", "thigh", "calf"), extra=[ground]))
+    Lockstep(loops, {}, {}, Nothing(), sink).run(2_000_000_000, lambda now_ns: False)
+    sink.close()
+    summary = {
+        "robot": "toy",
+        "scenario": "line <6 cm>",
+        "completed": False,
+        "fell": True,
+        "fault": "tilt",
+        "lateral_error_m": {"rms": 0.05, "mean": None},
+    }
+    (run / "summary.json").write_text(json.dumps(summary))
+    return run
+
+
+def test_the_report_stands_on_its_own(walked):
+    path = write_report(walked)
+    assert path == walked / "report.html"
+    text = path.read_text()
+    assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", text)
+    assert "<script" not in text
+    assert "<h1>toy · line &lt;6 cm&gt;</h1>" in text
+    assert "a &lt; b &amp; c" in text
+    assert "5.00 cm" in text
+    for svg in re.findall(r"<svg.*?</svg>", text, re.DOTALL):
+        ElementTree.fromstring(svg)
+
+
+def test_the_report_has_the_figures_of_the_paper(walked):
+    text = write_report(walked).read_text()
+    titles = re.findall(r"<h2>(.*?)</h2>", text)
+    assert titles == [
+        "Worth knowing",
+        "Path",
+        "Tracking errors",
+        "Velocities",
+        "Joint torques",
+        "Look-ahead",
+        "Estimate",
+        "Loop times",
+        "Safety",
+        "Summary",
+        "Log",
+    ]
+    assert "The robot was damped at 1.50 s: tilt." in text
+
+
+def test_errors_are_those_of_the_true_pose(walked):
+    seen = load_run(walked).against_path
+    np.testing.assert_allclose(seen.y_error, 0.05)
+    np.testing.assert_allclose(seen.x_error, 0.0, atol=1e-12)
+    np.testing.assert_allclose(seen.projection.progress, 0.6 * seen.t)
+
+
+def test_a_log_without_the_usual_topics_still_gets_a_report(recorded, tmp_path):
+    shutil.copytree(recorded, tmp_path / "run")
+    text = write_report(tmp_path / "run").read_text()
+    for sentence in (
+        "There is no summary.json beside the log.",
+        "The log has no true pose, so errors are those of the estimate.",
+        "The log has no safety status (/ugv/safety).",
+    ):
+        assert sentence in text
+
+
+def test_a_cut_off_log_gets_a_report_that_says_so(walked, tmp_path):
+    data = Log(walked).path.read_bytes()
+    (tmp_path / "x.mcap").write_bytes(data[: len(data) // 2])
+    assert "The log was cut off; it is whole up to" in write_report(tmp_path / "x.mcap").read_text()
+
+
+def test_a_broken_summary_or_terrain_is_named(toy, tmp_path):
+    run = toy.bag(tmp_path / "run")
+    (run / "summary.json").write_text("{")
+    with pytest.raises(LogError, match=r"summary\.json cannot be read"):
+        write_report(run)
+    broken = replace(toy.setup(), attachments=(Attachment(TERRAIN, "application/octet-stream", b"PK no"),))
+    sink = BagSink(tmp_path / "other", broken)
+    sink.write(toy.datagrams(0.05)[0])
+    sink.close()
+    with pytest.raises(LogError, match=r"terrain\.npz cannot be read"):
+        write_report(tmp_path / "other")
+
+
+def test_a_report_that_cannot_be_written_is_named(toy, tmp_path):
+    run = toy.bag(tmp_path / "run", seconds=0.05)
+    (run / "report.html").mkdir()
+    with pytest.raises(RecordingError, match=r"cannot write .*report\.html: is a directory"):
+        write_report(run)
+
+
+def test_thinning_keeps_the_extremes():
+    t = np.arange(10_000.0)
+    y = np.sin(t)
+    y[4321] = 7.0
+    y[9000:9100] = np.nan
+    short, values = thinned(t, y, columns=50)
+    assert len(short) <= 100
+    assert np.nanmax(values) == 7.0
+    assert np.all(np.diff(short) > 0)

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of claims fails when a bound is missed, and never because of a time."""
+
+import importlib.util
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+Run = Callable[..., int]
+
+GOOD = {
+    "completed": True,
+    "fell": False,
+    "lateral_error_m": {"rms": 0.005},
+    "tracking_error_m": {"mean": 0.02},
+    "speed_mps": {"mean": 0.6, "commanded": 0.6},
+    "mpc_ms": {"p99": 1.0},
+    "wbc_ms": {"median": 0.3, "p99": 0.5},
+    "realtime_factor": 3.0,
+}
+
+
+@pytest.fixture
+def claims() -> ModuleType:
+    """The script, loaded from beside this file."""
+    specification = importlib.util.spec_from_file_location("claims_script", Path(__file__).with_name("claims.py"))
+    assert specification is not None
+    assert specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    sys.modules["claims_script"] = module
+    specification.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def run(claims: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Runs the table on runs that are all good but for what is given."""
+
+    def start(*arguments: str, **changes: Any) -> int:
+        def run_jobs(jobs: Sequence[Any], progress: Any) -> list[dict[str, Any]]:
+            return [{**GOOD, **changes} for _ in jobs]
+
+        monkeypatch.setattr(claims, "run_jobs", run_jobs)
+        return int(claims.main(arguments))
+
+    return start
+
+
+@pytest.mark.parametrize("arguments", [(), ("--full",)])
+def test_good_runs_keep_every_claim(run: Run, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]) -> None:
+    assert run(*arguments) == 0
+    out = capsys.readouterr().out
+    assert "lines: completed" in out
+    assert "MISSED" not in out
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"completed": False},
+        {"fell": True},
+        {"lateral_error_m": {"rms": 0.2}},
+        {"lateral_error_m": {"rms": math.nan}},
+        {"tracking_error_m": {"mean": 0.2}},
+        {"speed_mps": {"mean": 0.5, "commanded": 0.6}},
+    ],
+)
+def test_a_missed_bound_fails(run: Run, capsys: pytest.CaptureFixture[str], change: dict[str, Any]) -> None:
+    assert run(**change) == 1
+    assert "MISSED" in capsys.readouterr().out
+
+
+def test_slow_machines_do_not_fail(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(mpc_ms={"p99": 50.0}, realtime_factor=0.1) == 0
+    assert "not on this machine" in capsys.readouterr().out
+
+
+def test_the_full_table_has_the_seeds_that_are_claimed(claims: ModuleType) -> None:
+    runs = {claim.name: len(claim.jobs) for claim in claims.claims(full=True)}
+    assert runs["lines: completed"] == 40
+    assert runs["s-curve: completed"] == 10
+    assert runs["push of 10 N.s: withstood"] == 8 * 4 * 5
+
+
+def test_a_claim_that_nothing_matches_is_named(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--only", "flying") == 2
+    assert capsys.readouterr().err == "claims: none contains 'flying'\n"
