@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from runtime.estimation.stance_plane import height_above, plane_normal, smoothed
 from runtime.models.leg_kinematics import LegState
+from runtime.models.vectors import skew
 from runtime.records import Record, boolean, float64_array
 from runtime.signals import BodyState
 
@@ -38,7 +39,7 @@ def complete(
     levers = legs.position @ rotation.T
     feet = output.position + levers
     output.foot_position = feet.ravel()
-    output.foot_velocity = (output.linear_velocity + legs.velocity @ rotation.T + np.cross(spin, levers)).ravel()
+    output.foot_velocity = (output.linear_velocity + legs.velocity @ rotation.T + levers @ skew(spin).T).ravel()
     stood = memory.stood.reshape(4, 3)
     if not memory.standing_known:
         memory.standing_known = True

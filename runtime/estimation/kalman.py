@@ -8,10 +8,12 @@ R_true = exp(theta) R. A standing foot is round and rolls: it is the contact *po
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import lapack
 
 from runtime.estimation.kalman_config import KalmanConfig
 from runtime.models.leg_kinematics import LegState
@@ -20,13 +22,16 @@ from runtime.models.rotations import (
     matrix_of_quaternion,
     quaternion_of_vector,
     quaternion_product,
-    skew,
 )
+from runtime.models.vectors import skew, skews
 from runtime.records import Record, boolean, float64_array
 
 Array = npt.NDArray[np.float64]
 SIZE = 15
 POSITION, VELOCITY, ROTATION, RATE_BIAS, ACCELERATION_BIAS = (slice(i, i + 3) for i in range(0, SIZE, 3))
+
+
+_IDENTITY = np.eye(SIZE)
 
 
 class KalmanMemory(Record):
@@ -47,6 +52,13 @@ class Measured(NamedTuple):
     residual: Array
     matrix: Array
     variance: Array
+
+
+@cache
+def _process_noise(config: KalmanConfig) -> Array:
+    """Variance gained per second by each error state."""
+    densities = (0.0, config.acceleration_noise, config.rate_noise, config.rate_walk, config.acceleration_walk)
+    return np.repeat(np.square(densities), 3)
 
 
 def start(memory: KalmanMemory, position: Array, orientation: Array) -> None:
@@ -70,23 +82,13 @@ def predict(memory: KalmanMemory, config: KalmanConfig, acceleration: Array, rat
     orientation = quaternion_product(memory.orientation, quaternion_of_vector(turned))
     memory.orientation = orientation / np.sqrt(orientation @ orientation)
 
-    transition = np.eye(SIZE)
+    transition = _IDENTITY.copy()
     transition[0, 3] = transition[1, 4] = transition[2, 5] = seconds
-    transition[VELOCITY, ROTATION] = -seconds * skew(force[None])[0]
+    transition[VELOCITY, ROTATION] = -seconds * skew(force)
     transition[VELOCITY, ACCELERATION_BIAS] = -seconds * rotation
     transition[ROTATION, RATE_BIAS] = -seconds * rotation
     covariance = transition @ memory.covariance.reshape(SIZE, SIZE) @ transition.T
-    noise = np.repeat(
-        (
-            0.0,
-            config.acceleration_noise**2,
-            config.rate_noise**2,
-            config.rate_walk**2,
-            config.acceleration_walk**2,
-        ),
-        3,
-    )
-    covariance.flat[:: SIZE + 1] += noise * seconds
+    covariance.flat[:: SIZE + 1] += _process_noise(config) * seconds
     memory.covariance = covariance.ravel()
     return matrix_of_quaternion(memory.orientation)
 
@@ -97,9 +99,9 @@ def update(memory: KalmanMemory, measured: Measured) -> Array:
     cross = covariance @ measured.matrix.T
     innovation = measured.matrix @ cross
     innovation.flat[:: innovation.shape[0] + 1] += measured.variance
-    gain = np.linalg.solve(innovation, cross.T).T
-    change = gain @ measured.residual
-    covariance = covariance - gain @ cross.T
+    _, gain, _ = lapack.dposv(innovation, cross.T)
+    change = measured.residual @ gain
+    covariance = covariance - cross @ gain
     memory.covariance = (0.5 * (covariance + covariance.T)).ravel()
     memory.position += change[POSITION]
     memory.velocity += change[VELOCITY]
@@ -134,13 +136,13 @@ def contact_measurement(
     """
     down = -foot_radius * (normal @ rotation)
     point = legs.position[standing] + down
-    relative = legs.velocity[standing] + np.cross(legs.shank_rate[standing], down)
-    turning = (relative + np.cross(rate, point)) @ rotation.T
+    relative = legs.velocity[standing] + legs.shank_rate[standing] @ skew(down)
+    turning = (relative - point @ skew(rate)) @ rotation.T
     count = standing.size
     matrix = np.zeros((count, 3, SIZE))
-    matrix[:, :, VELOCITY] = np.eye(3)
-    matrix[:, :, ROTATION] = -skew(turning)
-    matrix[:, :, RATE_BIAS] = rotation @ skew(point)
+    matrix[:, :, VELOCITY] = _IDENTITY[:3, :3]
+    matrix[:, :, ROTATION] = -skews(turning)
+    matrix[:, :, RATE_BIAS] = rotation @ skews(point)
     residual = -(memory.velocity + turning)
     return Measured(residual.ravel(), matrix.reshape(3 * count, SIZE), np.repeat(np.square(deviation), 3))
 

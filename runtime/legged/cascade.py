@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Strictly prioritised inverse kinematics in the null spaces of the higher tasks (paper 000, eq 33-41, corrected)."""
+"""Strictly prioritised inverse kinematics in the null spaces of the higher tasks (paper 000, eq 33-41, corrected).
+
+    X_i = X_{i-1} + (J_i N_{i-1})^+ (demand_i - J_i X_{i-1}),   N_i = null space projector of J_1 ... J_i
+
+One QR factorisation of the stacked transposed Jacobians holds all of these: with [J_1; J_2; ...]^T = Q R, the projection
+J_i N_{i-1} is R_ii^T Q_i^T, so that the recursion is the forward substitution of R^T y = demand, and X = Q y.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import lapack
 
 Array = npt.NDArray[np.float64]
 
-DAMPING = 1e-8
-"""Added to J N (J N)^T, whose entries are of order one, so that a singular leg gives a bounded answer."""
+DAMPING = 1e-4
+"""Damping of the inverses: a pivot r of R acts as r + DAMPING^2 / r, so that a singular leg gets a bounded answer."""
+_SMALLEST_PIVOT = 1e-12
 
 
 class MotionTask(NamedTuple):
@@ -30,17 +38,16 @@ class MotionTask(NamedTuple):
 def prioritised_motion(tasks: Sequence[MotionTask]) -> Array:
     """Position change, velocity and acceleration of the generalised coordinates, (n, 3), tasks with the highest first.
 
-    X_i = X_{i-1} + (J_i N_{i-1})^+ (demand_i - J_i X_{i-1}), N_i = N_{i-1} - (J_i N_{i-1})^+ (J_i N_{i-1}), with damped
-    inverses.
+    The rows of all tasks together are at most as many as the coordinates.
     """
-    size = tasks[0].jacobian.shape[1]
-    motion = np.zeros((size, 3))
-    null_space = np.eye(size)
-    for jacobian, demand in tasks:
-        free = jacobian @ null_space
-        gram = free @ free.T
-        gram.flat[:: gram.shape[0] + 1] += DAMPING
-        answer = np.linalg.solve(gram, np.hstack((demand - jacobian @ motion, free)))
-        motion += free.T @ answer[:, :3]
-        null_space -= free.T @ answer[:, 3:]
-    return motion
+    stacked = np.concatenate([task.jacobian for task in tasks])
+    demand = np.concatenate([task.demand for task in tasks])
+    rows = stacked.shape[0]
+    factors, reflectors, _, _ = lapack.dgeqrf(stacked.T)
+    pivots = factors.diagonal()
+    safe = np.where(np.abs(pivots) > _SMALLEST_PIVOT, pivots, _SMALLEST_PIVOT)
+    factors.flat[: rows * (rows + 1) : rows + 1] = safe + DAMPING**2 / safe
+    answer = np.zeros((stacked.shape[1], demand.shape[1]))
+    answer[:rows], _ = lapack.dtrtrs(factors[:rows], demand, lower=0, trans=1)
+    motion, _, _ = lapack.dormqr("L", "N", factors, reflectors, answer, 64 * rows)
+    return np.asarray(motion)

@@ -19,7 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from runtime.models.rigid_body import GRAVITY
-from runtime.models.rotations import rotation_z, skew
+from runtime.models.rotations import rotation_z
+from runtime.models.vectors import skews
 from runtime.optimization.qp import QpSolver
 
 Array = npt.NDArray[np.float64]
@@ -169,7 +170,7 @@ def _prediction(horizon: Horizon) -> tuple[Array, Array, tuple[npt.NDArray[np.in
     step = slots[0]
     spin = rotation_z(state[2])
     inverse_inertia = np.linalg.inv(spin @ horizon.inertia @ spin.T)
-    arm = skew(horizon.lever[slots])
+    arm = skews(horizon.lever[slots])
     gain = dt[step][:, None, None]
     angular = gain * (inverse_inertia @ arm @ horizon.plane)
     linear = gain * horizon.plane / horizon.mass

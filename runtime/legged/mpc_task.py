@@ -18,6 +18,7 @@ from runtime.models.rotations import (
     rotation_z,
     wrapped,
 )
+from runtime.models.vectors import total_moment
 from runtime.optimization.qp import QpSolver
 from runtime.records import Record, boolean, float64, float64_array, uint32
 from runtime.signals import BodyCommand, BodyState, ContactForces, Gait, JointState
@@ -126,7 +127,7 @@ class MpcTask(Task):
         lever = self._levers(stance, middles, begin_ns, state, reference, durations, plane)
         yaw = state[2]
         spin = rotation_z(yaw)
-        inertia = spin.T @ self._model.inertia_about_com() @ spin
+        inertia = spin.T @ self._model.inertia @ spin
         mass = self._model.mass_kg
         horizon = Horizon(state, reference, durations, stance, lever, plane, inertia, mass)
         self._publish_reference(state, reference, command)
@@ -143,9 +144,9 @@ class MpcTask(Task):
             share = model.mass_kg * GRAVITY / max(1, int(gait.contact.sum()))
             force = np.outer(gait.contact, (0.0, 0.0, share))
         acceleration = force.sum(axis=0) / model.mass_kg - (0.0, 0.0, GRAVITY)
-        moment = np.cross(feet - model.center_of_mass, force).sum(axis=0)
+        moment = total_moment(feet - model.center_of_mass, force)
         spin = rotation @ body.angular_velocity
-        angular = np.linalg.solve(model.inertia_about_com(), moment)
+        angular = np.linalg.solve(model.inertia, moment)
         roll, pitch, yaw = roll_pitch_yaw(rotation)
         turn = rotation_z(yaw).T
         state = np.empty(12)

@@ -15,6 +15,7 @@ from typing import Annotated, NamedTuple
 import msgspec
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import lapack
 
 from runtime.optimization.qp import QpSolver
 
@@ -71,11 +72,12 @@ def relax(
     If the QP cannot be solved, the planned forces are kept and `solved` is false.
     """
     feet = planned.shape[0]
-    axes = np.kron(np.eye(feet), plane)
-    response = np.linalg.solve(base_inertia, np.column_stack((base_jacobian.T @ axes, unbalanced)))
+    sides = np.empty((6, 3 * feet + 1))
+    sides[:, :-1] = (base_jacobian.reshape(feet, 3, 6).transpose(2, 0, 1) @ plane).reshape(6, -1)
+    sides[:, -1] = unbalanced
+    _, response, _ = lapack.dposv(base_inertia, sides)
     change, demand = response[:, :-1], response[:, -1]
-    weights = np.array([config.linear_weight] * 3 + [config.angular_weight] * 3)
-    weighted = change * weights[:, None]
+    weighted = change * _weights(config.linear_weight, config.angular_weight)
     planned_axes = (planned @ plane).ravel()
     hessian = weighted.T @ change
     hessian.flat[:: hessian.shape[0] + 1] += config.force_weight
@@ -85,6 +87,11 @@ def relax(
     chosen = solution.x if solution.solved else planned_axes
     delta_b = change @ chosen - demand
     return Relaxation(chosen.reshape(feet, 3) @ plane.T, delta_b, solution.solved, solution.residual)
+
+
+@cache
+def _weights(linear: float, angular: float) -> Array:
+    return np.repeat((linear, angular), 3)[:, None]
 
 
 @cache

@@ -17,8 +17,8 @@ from runtime.models.rotations import (
     aligned_with_plane,
     matrix_of_quaternion,
     rotation_vector,
-    rotation_z,
 )
+from runtime.models.vectors import skew, total_moment
 from runtime.optimization.qp import QpSolver
 from runtime.signals import BodyState, ContactForces, Gait, JointCommand, JointState
 
@@ -51,6 +51,10 @@ class WholeBodyConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     stance_joint_damping_nms_prad: JointDamping = 0.5
     swing_joint_stiffness_nm_prad: JointStiffness = 30.0
     swing_joint_damping_nms_prad: JointDamping = 0.8
+
+
+_TURNING, _MOVING = np.zeros((3, 18)), np.zeros((3, 18))
+_TURNING[:, 3:6] = _MOVING[:, :3] = np.eye(3)
 
 
 def planned_force(forces: ContactForces, now_ns: int) -> Array:
@@ -96,101 +100,88 @@ class WholeBodyLaw:
         model.update(
             body.position, body.orientation, rotation, body.linear_velocity, spin, joints.position, joints.velocity
         )
-        plane = aligned_with_plane(float(self._forces.reference_orientation[2]), body.plane_normal)
+        ahead_s = (now_ns - self._forces.stamp_ns) * 1e-9
+        yaw = self._forces.reference_orientation[2] + self._forces.reference_yaw_rate * ahead_s
+        plane = aligned_with_plane(yaw, body.plane_normal)
         contact = gait.contact
-        standing = np.flatnonzero(contact)
-        flying = np.flatnonzero(~contact)
-        lever = -self._foot_radius * plane[:, 2]
-        planned = planned_force(self._forces, now_ns)
-        if not gait.walking and not planned.any():
-            planned = np.outer(contact, (0.0, 0.0, model.mass_kg * GRAVITY / max(1, standing.size)))
-        contact_jacobian = self._contact_jacobian(standing, lever)
-        tasks = self._body_tasks(now_ns, rotation, spin, planned, lever)
+        # a round foot rolls: what rests is the point below its centre
+        levers = np.outer(contact, -self._foot_radius * plane[:, 2])
+        points = model.foot_position + levers
+        jacobians = model.point_jacobians(points)
+        planned = planned_force(self._forces, now_ns) * contact[:, None]
+        standing, flying = np.flatnonzero(contact), np.flatnonzero(~contact)
+
+        tasks = self._body_tasks(ahead_s, rotation, spin, plane, planned, points)
         if standing.size:
-            tasks.insert(0, self._contact_task(contact_jacobian, standing, lever))
+            tasks.insert(0, self._contact_task(jacobians[standing], standing, levers))
         if flying.size:
-            tasks.append(self._swing_task(flying))
+            tasks.append(self._swing_task(jacobians[flying], flying))
         motion = prioritised_motion(tasks)
-        acceleration = motion[:, 2].copy()
-        unbalanced = model.mass_matrix @ acceleration + model.bias
-        if standing.size:
-            answer = relax(
-                self._config.relaxation,
-                self._solver,
-                model.mass_matrix[:6, :6],
-                unbalanced[:6],
-                contact_jacobian[:, :6],
-                planned[standing],
-                plane,
-            )
-            solved = answer.solved
-            torque = (
-                unbalanced[6:] + model.mass_matrix[6:, :6] @ answer.delta_b - answer.force.ravel() @ contact_jacobian[:, 6:]
-            )
-            self._output.relaxation = answer.delta_b
-            self._output.qp_residual = answer.residual
-        else:
-            solved, torque = True, unbalanced[6:]
+        torque, solved = self._torque(motion[:, 2], jacobians[standing].reshape(-1, 18), planned[standing], plane)
         self._write(now_ns, motion, torque, contact)
         return solved
 
-    def _contact_jacobian(self, standing: npt.NDArray[np.intp], lever: Array) -> Array:
-        """Jacobian of the contact points of the rolling feet, (3 n, 18): foot centre plus shank rate x lever."""
-        model = self._model
-        angular = model.shank_jacobian[standing]
-        jacobian = model.foot_jacobian[standing] + np.cross(angular, lever, axisa=1, axisb=0, axisc=1)
-        return jacobian.reshape(-1, 18)
+    def _torque(self, acceleration: Array, jacobian: Array, planned: Array, plane: Array) -> tuple[Array, bool]:
+        """Joint torques (12,) by inverse dynamics (eq 43), after the force QP; and whether that succeeded."""
+        model, output = self._model, self._output
+        wrench = model.mass_matrix @ acceleration + model.bias
+        if not planned.size:
+            return wrench[6:], True
+        answer = relax(
+            self._config.relaxation,
+            self._solver,
+            model.mass_matrix[:6, :6],
+            wrench[:6],
+            jacobian[:, :6],
+            planned,
+            plane,
+        )
+        output.relaxation, output.qp_residual = answer.delta_b, answer.residual
+        torque = wrench[6:] + model.mass_matrix[6:, :6] @ answer.delta_b - answer.force.ravel() @ jacobian[:, 6:]
+        return torque, answer.solved
 
-    def _contact_task(self, jacobian: Array, standing: npt.NDArray[np.intp], lever: Array) -> MotionTask:
+    def _contact_task(self, jacobians: Array, standing: npt.NDArray[np.intp], levers: Array) -> MotionTask:
         """Priority 0: no motion at the contact points."""
         model = self._model
-        drift = model.foot_drift[standing] + np.cross(model.shank_drift[standing], lever)
+        drift = model.foot_drift[standing] + model.shank_drift[standing] @ skew(levers[standing[0]])
         demand = np.zeros((3 * standing.size, 3))
         demand[:, 2] = -drift.ravel()
-        return MotionTask(jacobian, demand)
+        return MotionTask(jacobians.reshape(-1, 18), demand)
 
-    def _body_tasks(self, now_ns: int, rotation: Array, spin: Array, planned: Array, lever: Array) -> list[MotionTask]:
-        """Priorities 1 and 2: body rotation, then body translation."""
-        config, model, forces, body = self._config, self._model, self._forces, self._body
-        ahead = (now_ns - forces.stamp_ns) * 1e-9
-        yaw = forces.reference_orientation[2] + forces.reference_yaw_rate * ahead
-        target = aligned_with_plane(yaw, body.plane_normal)
-        rotation_error = rotation_vector(target @ rotation.T)
-        rate = np.array([0.0, 0.0, forces.reference_yaw_rate])
-        contact_force = planned * self._gait.contact[:, None]
-        arm = model.foot_position + lever - model.center_of_mass
-        moment = np.cross(arm, contact_force).sum(axis=0)
-        angular = np.linalg.solve(model.inertia_about_com(), moment)
-        angular += config.rotation_stiffness * rotation_error + config.rotation_damping * (rate - spin)
+    def _body_tasks(
+        self, ahead_s: float, rotation: Array, spin: Array, plane: Array, planned: Array, points: Array
+    ) -> list[MotionTask]:
+        """Priorities 1 and 2: body rotation, then body translation.
 
-        reference = forces.reference_position + forces.reference_velocity * ahead
-        position_error = reference - model.center_of_mass
-        velocity_error = forces.reference_velocity - model.com_velocity
-        linear = contact_force.sum(axis=0) / model.mass_kg - (0.0, 0.0, GRAVITY)
-        linear = linear + config.translation_stiffness * position_error + config.translation_damping * velocity_error
+        The feed-forward is the acceleration that the planned forces give the trunk as a single rigid body.
+        """
+        config, model, forces = self._config, self._model, self._forces
+        turning, moving = np.zeros((3, 3)), np.zeros((3, 3))
+        turning[:, 0] = rotation_vector(plane @ rotation.T)
+        turning[2, 1] = forces.reference_yaw_rate
+        turning[:, 2] = np.linalg.solve(model.inertia, total_moment(points - model.center_of_mass, planned))
+        turning[:, 2] += config.rotation_stiffness * turning[:, 0] + config.rotation_damping * (turning[:, 1] - spin)
 
-        turning, moving = np.zeros((3, 18)), np.zeros((3, 18))
-        turning[:, 3:6] = np.eye(3)
-        moving[:, :3] = np.eye(3)
-        return [
-            MotionTask(turning, np.stack((rotation_error, rate, angular), axis=1)),
-            MotionTask(moving, np.stack((position_error, forces.reference_velocity, linear), axis=1)),
-        ]
+        velocity = forces.reference_velocity
+        moving[:, 0] = forces.reference_position + velocity * ahead_s - model.center_of_mass
+        moving[:, 1] = velocity
+        moving[:, 2] = planned.sum(axis=0) / model.mass_kg
+        moving[2, 2] -= GRAVITY
+        moving[:, 2] += config.translation_stiffness * moving[:, 0]
+        moving[:, 2] += config.translation_damping * (velocity - model.com_velocity)
+        return [MotionTask(_TURNING, turning), MotionTask(_MOVING, moving)]
 
-    def _swing_task(self, flying: npt.NDArray[np.intp]) -> MotionTask:
+    def _swing_task(self, jacobians: Array, flying: npt.NDArray[np.intp]) -> MotionTask:
         """Priority 3: feet in the air follow their references."""
         config, model, gait = self._config, self._model, self._gait
-        position = gait.swing_position.reshape(4, 3)[flying]
-        velocity = gait.swing_velocity.reshape(4, 3)[flying]
-        error = position - model.foot_position[flying]
-        acceleration = (
-            gait.swing_acceleration.reshape(4, 3)[flying]
-            + config.swing_stiffness * error
-            + config.swing_damping * (velocity - model.foot_velocity[flying])
-            - model.foot_drift[flying]
-        )
-        demand = np.stack((error.ravel(), velocity.ravel(), acceleration.ravel()), axis=1)
-        return MotionTask(model.foot_jacobian[flying].reshape(-1, 18), demand)
+        jacobian = jacobians.reshape(-1, 18)
+        demand = np.empty((3 * flying.size, 3))
+        demand[:, 0] = (gait.swing_position.reshape(4, 3)[flying] - model.foot_position[flying]).ravel()
+        demand[:, 1] = gait.swing_velocity.reshape(4, 3)[flying].ravel()
+        demand[:, 2] = (gait.swing_acceleration.reshape(4, 3)[flying] - model.foot_drift[flying]).ravel()
+        demand[:, 2] += config.swing_stiffness * demand[:, 0]
+        demand[:, 2] += config.swing_damping * (demand[:, 1] - jacobian @ model.velocity)
+        return MotionTask(jacobian, demand)
 
     def _write(self, now_ns: int, motion: Array, torque: Array, contact: npt.NDArray[np.bool_]) -> None:
         """Eq 41 and 44: targets and gains for the drives' own loops."""
@@ -200,7 +191,5 @@ class WholeBodyLaw:
         output.position = self._joints.position + motion[6:, 0]
         output.velocity = motion[6:, 1]
         output.effort = torque
-        output.stiffness = np.where(
-            standing, config.stance_joint_stiffness_nm_prad, config.swing_joint_stiffness_nm_prad
-        )
+        output.stiffness = np.where(standing, config.stance_joint_stiffness_nm_prad, config.swing_joint_stiffness_nm_prad)
         output.damping = np.where(standing, config.stance_joint_damping_nms_prad, config.swing_joint_damping_nms_prad)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from runtime.models.quadruped import AXES, FEET, LEFT, Link, Quadruped
-from runtime.models.rotations import skew
+from runtime.models.vectors import cross, skews
 
 Array = npt.NDArray[np.float64]
 GRAVITY = 9.81
@@ -37,6 +37,7 @@ def build(description: Quadruped) -> pin.Model:
             model.appendBodyToJoint(parent, _inertia(link, LEFT[leg]), pin.SE3.Identity())
         placement = pin.SE3(np.eye(3), np.array([0.0, 0.0, -description.shank_length_m]))
         model.addFrame(pin.Frame(f"{foot}_foot", parent, 0, placement, pin.FrameType.OP_FRAME))
+    model.armature = np.concatenate((np.zeros(6), np.full(12, description.armature_kg_m2)))
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
     return model
 
@@ -49,37 +50,35 @@ class RigidBody:
     """Kinematics and dynamics at one state; `update` evaluates everything the controllers use.
 
     Attributes (after `update`), all in odom:
-        rotation: trunk orientation, (3, 3).
         mass_matrix: (18, 18), rotor inertia included.
         bias: Coriolis, centrifugal and gravity forces, (18,).
-        foot_position, foot_velocity: foot centres, (4, 3).
-        foot_jacobian: of the foot centres, (4, 3, 18).
-        shank_jacobian: angular, of the shanks, (4, 3, 18).
-        foot_drift, shank_drift: accelerations of the foot centres and shanks at zero generalised acceleration, (4, 3).
+        foot_position: foot centres, (4, 3).
+        foot_drift, shank_drift: accelerations of the foot centres and angular ones of the shanks at zero generalised
+            acceleration, (4, 3).
         center_of_mass: (3,); com_velocity: (3,).
+        inertia: rotational inertia of the whole robot about its centre of mass, (3, 3).
+        velocity: generalised velocity, (18,).
     """
 
     def __init__(self, description: Quadruped) -> None:
-        self.description = description
         self.model = build(description)
         self.data = self.model.createData()
+        self.mass_kg = description.mass_kg
         self._feet = [self.model.getFrameId(f"{foot}_foot") for foot in FEET]
         self._q = pin.neutral(self.model)
         self._v = np.zeros(18)
-        self._armature = np.concatenate((np.zeros(6), np.full(12, description.armature_kg_m2)))
         self._zero = np.zeros(18)
-        self.mass_kg = description.mass_kg
-        self.rotation = np.eye(3)
+        self._to_local = np.eye(18)
+        self._levers = np.zeros((4, 3))
+        self.velocity = np.zeros(18)
         self.mass_matrix = np.zeros((18, 18))
         self.bias = np.zeros(18)
         self.foot_position = np.zeros((4, 3))
-        self.foot_velocity = np.zeros((4, 3))
-        self.foot_jacobian = np.zeros((4, 3, 18))
-        self.shank_jacobian = np.zeros((4, 3, 18))
         self.foot_drift = np.zeros((4, 3))
         self.shank_drift = np.zeros((4, 3))
         self.center_of_mass = np.zeros(3)
         self.com_velocity = np.zeros(3)
+        self.inertia = np.eye(3)
 
     def update(
         self,
@@ -100,56 +99,38 @@ class RigidBody:
         """
         q, v, data, model = self._q, self._v, self.data, self.model
         q[:3], q[3:7], q[7:] = position, orientation, joint_position
-        v[:3], v[3:6], v[6:] = linear_velocity @ rotation, angular_velocity @ rotation, joint_velocity
-        self.rotation = rotation
+        self.velocity[:3], self.velocity[3:6], self.velocity[6:] = linear_velocity, angular_velocity, joint_velocity
+        to_local = self._to_local
+        to_local[:3, :3] = to_local[3:6, 3:6] = rotation.T
+        np.dot(to_local, self.velocity, out=v)
+        pin.computeAllTerms(model, data, q, v)
         pin.forwardKinematics(model, data, q, v, self._zero)
         pin.updateFramePlacements(model, data)
-        pin.computeJointJacobians(model, data)
-        mass = pin.crba(model, data, q)
-        mass = np.triu(mass) + np.triu(mass, 1).T
-        bias = pin.nonLinearEffects(model, data, q, v)
-        self._world_aligned_dynamics(mass, bias, rotation)
-        self.center_of_mass = pin.centerOfMass(model, data, q, v).copy()
+        # zero acceleration in world-aligned coordinates is a linear acceleration -w x v in the trunk's own
+        drift = cross(v[3:6], v[:3])
+        mass = data.M
+        self.mass_matrix = to_local.T @ mass @ to_local
+        self.bias = to_local.T @ (data.nle - mass[:, :3] @ drift)
+        self.center_of_mass = data.com[0].copy()
         self.com_velocity = data.vcom[0].copy()
-        for foot, frame in enumerate(self._feet):
-            placement = data.oMf[frame].translation
-            jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-            velocity = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-            drift = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-            self.foot_position[foot] = placement
-            self.foot_velocity[foot] = velocity.linear
-            self.foot_jacobian[foot] = jacobian[:3]
-            self.shank_jacobian[foot] = jacobian[3:]
-            self.foot_drift[foot] = drift.linear
-            self.shank_drift[foot] = drift.angular
-        self._world_aligned_jacobians()
-
-    def _world_aligned_dynamics(self, mass: Array, bias: Array, rotation: Array) -> None:
-        """Change of velocity coordinates v_local = T v_world, T = diag(R^T, R^T, 1): M' = T^T M T, h' = T^T (h + M dT/dt v)."""
-        local = self._v
-        drift = np.cross(local[3:6], local[:3])  # d(R v)/dt = R (dv/dt + w x v): the acceleration that h leaves out
-        bias = bias - mass[:, :3] @ drift
-        mass[:3] = rotation @ mass[:3]
-        mass[3:6] = rotation @ mass[3:6]
-        mass[:, :3] = mass[:, :3] @ rotation.T
-        mass[:, 3:6] = mass[:, 3:6] @ rotation.T
-        bias[:3] = rotation @ bias[:3]
-        bias[3:6] = rotation @ bias[3:6]
-        mass.flat[:: mass.shape[0] + 1] += self._armature
-        self.mass_matrix, self.bias = mass, bias
-
-    def _world_aligned_jacobians(self) -> None:
-        """Base columns in world-aligned coordinates; drift of the feet without the trunk's own classical acceleration."""
-        lever = self.foot_position - self._q[:3]
-        self.foot_jacobian[:, :, :3] = np.eye(3)
-        self.foot_jacobian[:, :, 3:6] = -skew(lever)
-        self.shank_jacobian[:, :, :3] = 0.0
-        self.shank_jacobian[:, :, 3:6] = np.eye(3)
+        self.inertia = data.Ig.inertia
         # forwardKinematics was given zero *spatial* trunk acceleration, which is a classical acceleration w x v
-        local = self._v
-        self.foot_drift -= self.rotation @ np.cross(local[3:6], local[:3])
+        base_drift = rotation @ drift
+        for foot, frame in enumerate(self._feet):
+            self.foot_position[foot] = data.oMf[frame].translation
+            acceleration = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+            self.foot_drift[foot] = acceleration.linear
+            self.shank_drift[foot] = acceleration.angular
+        self.foot_drift -= base_drift
 
-    def inertia_about_com(self) -> Array:
-        """Rotational inertia of the whole robot about its centre of mass, in odom axes, (3, 3), at the last update."""
-        pin.ccrba(self.model, self.data, self._q, self._v)
-        return self.data.Ig.inertia.copy()
+    def point_jacobians(self, points: Array) -> Array:
+        """Jacobians (4, 3, 18) of four points (4, 3) in odom, each fixed to the shank of its leg."""
+        columns = self.data.J[:, 6:].reshape(6, 4, 3)
+        linear, angular = columns[:3].transpose(1, 0, 2), columns[3:].transpose(1, 0, 2)
+        jacobians = np.zeros((4, 3, 18))
+        jacobians[:, :, :3] = np.eye(3)
+        jacobians[:, :, 3:6] = -skews(points - self._q[:3])
+        legs = linear - skews(points) @ angular
+        for foot in range(4):
+            jacobians[foot, :, 6 + 3 * foot : 9 + 3 * foot] = legs[foot]
+        return jacobians

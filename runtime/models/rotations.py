@@ -8,6 +8,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from runtime.models.vectors import cross
+
 Array = npt.NDArray[np.float64]
 
 
@@ -91,15 +93,6 @@ def wrapped(angle: float) -> float:
 def aligned_with_plane(yaw: float, normal: Array) -> Array:
     """Rotation (3, 3) whose z axis is the plane's normal and whose x axis has the given heading, seen from above."""
     forward = np.array([math.cos(yaw), math.sin(yaw), 0.0])
-    lateral = np.cross(normal, forward)
+    lateral = cross(normal, forward)
     lateral /= math.sqrt(float(lateral @ lateral))
-    return np.stack((np.cross(lateral, normal), lateral, normal), axis=1)
-
-
-def skew(vectors: Array) -> Array:
-    """Cross-product matrices (n, 3, 3) of vectors (n, 3)."""
-    matrices = np.zeros((vectors.shape[0], 3, 3))
-    matrices[:, 0, 1], matrices[:, 0, 2] = -vectors[:, 2], vectors[:, 1]
-    matrices[:, 1, 0], matrices[:, 1, 2] = vectors[:, 2], -vectors[:, 0]
-    matrices[:, 2, 0], matrices[:, 2, 1] = -vectors[:, 1], vectors[:, 0]
-    return matrices
+    return np.array((cross(lateral, normal), lateral, normal)).T.copy()

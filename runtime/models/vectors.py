@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cross products of three-vectors, fast for the few at a time that a control tick needs."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product of two vectors (3,)."""
+    ax, ay, az = a.tolist()
+    bx, by, bz = b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
+def skew(vector: Array) -> Array:
+    """The matrix (3, 3) with skew(a) b = a x b, and b skew(a) = b x a for a row b."""
+    x, y, z = vector.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def skews(vectors: Array) -> Array:
+    """The same for vectors (n, 3), (n, 3, 3)."""
+    matrices = np.zeros((vectors.shape[0], 3, 3))
+    x, y, z = vectors.T
+    matrices[:, 0, 1], matrices[:, 0, 2] = -z, y
+    matrices[:, 1, 0], matrices[:, 1, 2] = z, -x
+    matrices[:, 2, 0], matrices[:, 2, 1] = -y, x
+    return matrices
+
+
+def total_moment(arms: Array, forces: Array) -> Array:
+    """Sum of arm x force over the rows of two arrays (n, 3)."""
+    products = arms.T @ forces
+    return np.array(
+        [
+            products[1, 2] - products[2, 1],
+            products[2, 0] - products[0, 2],
+            products[0, 1] - products[1, 0],
+        ]
+    )
