@@ -35,26 +35,22 @@ _BOOL = _Kind("bool", "?", "?")
 AnyRecord = TypeVar("AnyRecord", bound="Record")
 
 
+_NOWHERE: dict[str, tuple[Any, int | slice]] = {}
+
+
 class Field:
     """A named part of a record; reading gives a number or an array view, assigning copies into the buffer."""
 
     def __init__(self, kind: _Kind, length: int | str | None, unit: str, doc: str) -> None:
         self.kind, self.length, self.unit, self.doc = kind, length, unit, doc
         self.name = ""
-        self._slot = ""
 
     def __set_name__(self, owner: type, name: str) -> None:
-        self.name, self._slot = name, "_" + name
+        self.name = name
 
     def __get__(self, record: Record | None, owner: type | None = None) -> Any:
-        if record is None:
-            return self
-        view = getattr(record, self._slot)
-        return view[0] if self.length is None else view
-
-    def __set__(self, record: Record, value: Any) -> None:
-        view = getattr(record, self._slot)
-        view[0 if self.length is None else slice(None)] = value
+        # reached for scalars only: an instance holds the views of its arrays under their own names
+        return self if record is None else record._places[self.name][0][0]
 
     def count(self, sizes: Mapping[str, int]) -> int:
         """Number of elements, with symbolic lengths looked up in `sizes`."""
@@ -158,15 +154,25 @@ class Record:
             for f, offset in zip(self.fields, offsets, strict=True)
         ]
         self.cdr_size = ends[-1]
+        self._places: dict[str, tuple[Any, int | slice]] = {}
         self._buffer = bytearray(self.dtype.itemsize)
         self._body = memoryview(self._buffer)[: self.cdr_size]
         for f, offset, end in zip(self.fields, offsets, ends, strict=True):
             window = memoryview(self._buffer)[offset:end]
             if f.length is None:
-                view: Any = window.cast(f.kind.view)
+                self._places[f.name] = window.cast(f.kind.view), 0
             else:
                 view = np.frombuffer(window, dtype=f.kind.numpy)
-            setattr(self, f._slot, view)
+                self.__dict__[f.name] = view
+                self._places[f.name] = view, slice(None)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        place = self.__dict__.get("_places", _NOWHERE).get(name)
+        if place is None:
+            object.__setattr__(self, name, value)
+        else:
+            view, where = place
+            view[where] = value
 
     def to_bytes(self) -> bytes:
         """The CDR body: every field, without trailing padding."""

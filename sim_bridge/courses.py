@@ -13,13 +13,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from runtime.errors import UgvError
+from runtime.errors import UgvError, unknown
 from runtime.tracking import paths
 from sim_bridge import terrain
 from sim_bridge.terrain import HeightField
 
 TIME_FACTOR = 1.5
 """A run may take this many times the nominal time."""
+
+STARTING_AND_STOPPING_S = 4.0
+"""Given to a path of one's own, which may be too short to make up for it."""
 
 Points = tuple[tuple[float, float], ...]
 
@@ -149,9 +152,9 @@ def _rough(waypoints: paths.Waypoints, amplitude_m: float) -> Callable[[int], He
     return partial(terrain.undulation, amplitude_m, terrain.extent_of(waypoints))
 
 
-def _flat() -> Scenario:
-    path = paths.straight(10.0)
-    return _walk("flat", path, _level(path), 0.6)
+def _straight(name: str, length_m: float) -> Scenario:
+    path = paths.straight(length_m)
+    return _walk(name, path, _level(path), 0.6)
 
 
 def _push() -> Scenario:
@@ -213,7 +216,7 @@ def _turn() -> Scenario:
 
 
 _NAMED: dict[str, Callable[[], Scenario]] = {
-    "flat": _flat,
+    "flat": partial(_straight, "flat", 10.0),
     "line-3cm": partial(_line, "line-3cm", 0.03),
     "line-6cm": partial(_line, "line-6cm", 0.06),
     "circle-6cm": _circle,
@@ -226,25 +229,35 @@ _NAMED: dict[str, Callable[[], Scenario]] = {
 }
 _SLOPE = re.compile(r"slope-(up|down)-([0-9]+(?:\.[0-9]+)?)")
 STEEPEST_DEG = 35.0
+_STRAIGHT = re.compile(r"straight-([0-9]+(?:\.[0-9]+)?)")
+SHORTEST_M, LONGEST_M = 1.0, 100.0
 
 
 def scenario_names() -> tuple[str, ...]:
-    """The names, without the general slopes."""
+    """The names, without the general slopes and straights."""
     return tuple(_NAMED)
 
 
 def scenario(name: str) -> Scenario:
-    """The scenario of this name; `slope-up-N` and `slope-down-N` take any angle N up to 35 degrees.
+    """The scenario of this name.
+
+    `slope-up-N` and `slope-down-N` take any angle N up to 35 degrees, `straight-N` any length from 1 m to 100 m.
 
     Raises:
-        UnknownScenarioError: with the names there are, or the bound of the angle.
+        UnknownScenarioError: with the names there are, or the bound of the angle or length.
     """
     if name in _NAMED:
         return _NAMED[name]()
+    straight = _STRAIGHT.fullmatch(name)
+    if straight is not None:
+        length = float(straight[1])
+        if not SHORTEST_M <= length <= LONGEST_M:
+            bounds = f"{SHORTEST_M:g} to {LONGEST_M:g}"
+            raise UnknownScenarioError(f"scenario {name!r}: {length:g} m is not from {bounds}")
+        return _straight(name, length)
     match = _SLOPE.fullmatch(name)
     if match is None:
-        known = ", ".join((*_NAMED, "slope-up-N", "slope-down-N"))
-        raise UnknownScenarioError(f"unknown scenario {name!r}; there are {known}")
+        raise UnknownScenarioError(unknown("scenario", name, (*_NAMED, "straight-N", "slope-up-N", "slope-down-N")))
     angle = float(match[2])
     if not 0.0 < angle <= STEEPEST_DEG:
         raise UnknownScenarioError(f"scenario {name!r}: {angle:g} degrees is not above 0 and at most {STEEPEST_DEG:g}")
@@ -265,4 +278,4 @@ def custom(waypoints: paths.Waypoints, speed_mps: float = 0.6, amplitude_m: floa
         raise ValueError(f"custom: speed = {speed_mps} m/s must be positive and finite")
     extent, (x, y) = terrain.extent_of(points), points[0].tolist()
     ground = partial(terrain.undulation, amplitude_m, extent, start=(x, y))
-    return _walk("custom", points, ground, speed_mps)
+    return _walk("custom", points, ground, speed_mps, extra_time_s=STARTING_AND_STOPPING_S)

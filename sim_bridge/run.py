@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import io
+import math
 import subprocess
 import time
 from collections.abc import Callable, Mapping
@@ -20,16 +21,18 @@ from drivers.memory_bus import MemoryBus
 from drivers.memory_ports import MemoryReader, MemoryWriter
 from runtime.configuration import dump
 from runtime.executors.lockstep import Lockstep, TickSink
-from runtime.recording.metrics import path_metrics
+from runtime.recording.metrics import path_metrics, push_recovery
 from runtime.recording.recorder import RecorderProcess
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup
 from runtime.robots import load_configuration, topics
 from runtime.robots.robot import Robot
-from runtime.robots.uslgo1.assembly import assemble
+from runtime.robots.uslgo1.assembly import PATH_CAPACITY, assemble
 from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.signals import BodyCommand, Fault, Gait, Mode, SafetyStatus
+from runtime.tracking.path_csv import read_path_csv
 from runtime.tracking.paths import Polyline
-from sim_bridge.courses import Push, Scenario, scenario as scenario_named
+from sim_bridge.courses import TIME_FACTOR, Push, Scenario, custom
+from sim_bridge.courses import scenario as scenario_named
 from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.script import WALK_NS, ScriptedOperator, ScriptedPath
 from sim_bridge.terrain import HeightField
@@ -51,10 +54,23 @@ class NullSink:
 
 
 class Observer:
-    """Watches the true robot, gives the push, and says when the run is over."""
+    """Watches the true robot, gives the push, and says when the run is over.
+
+    Attributes:
+        samples: time (s), x, y (m) and yaw (rad) of the true trunk, from when it may walk.
+        fell, fault: whether it fell, and why it was damped.
+        push_end_s: when the push's force ended, None before there was one.
+        limit_ns: the run ends by then.
+    """
 
     def __init__(
-        self, world: QuadrupedWorld, robot: Robot, config: Uslgo1Config, scenario: Scenario, progress: Progress | None
+        self,
+        world: QuadrupedWorld,
+        robot: Robot,
+        config: Uslgo1Config,
+        scenario: Scenario,
+        until_s: float,
+        progress: Progress | None,
     ) -> None:
         self._world, self._scenario, self._config, self._progress = world, scenario, config, progress
         records = {record.topic: record for loop in robot.loops for record in loop.writes}
@@ -63,7 +79,12 @@ class Observer:
         self._command: BodyCommand = records[topics.BODY_COMMAND]  # type: ignore[assignment]
         self.samples: list[tuple[float, float, float, float]] = []
         self.fell, self.fault = False, Fault.NONE
+        self.push_end_s: float | None = None
         self.limit_ns = WALK_NS + int((scenario.time_limit_s + 3.0) * 1e9)
+        expected_s = self.limit_ns * 1e-9 / TIME_FACTOR
+        if until_s < self.limit_ns * 1e-9:
+            self.limit_ns = int(until_s * 1e9)
+        self._expected_s = min(expected_s, until_s)
         self._end_ns = self.limit_ns
         self._pushed = scenario.push is None
         self._stood = False
@@ -78,7 +99,7 @@ class Observer:
         if now_ns >= WALK_NS or not self._scenario.waypoints:
             self.samples.append((now_ns * 1e-9, *world.position[:2].tolist(), world.yaw))
         if self._progress is not None and len(self.samples) % 25 == 1:
-            self._progress(now_ns * 1e-9, self.limit_ns * 1e-9 / 1.5)
+            self._progress(now_ns * 1e-9, self._expected_s)
         if not self.fell and (world.tilt > FALLEN_TILT_RAD or world.clearance < FALLEN_CLEARANCE_M):
             self.fell = bool(self._scenario.waypoints) or world.tilt > FALLEN_TILT_RAD
         mode = self._safety.mode
@@ -107,7 +128,7 @@ class Observer:
         phase_ns = gait.cycle_start_ns + int(push.gait_phase * period)
         at_ns = phase_ns + -(-(now_ns - phase_ns) // period) * period
         self._world.push(at_ns, int(push.duration_s * 1e9), push.direction_rad, push.force_n)
-        self._pushed = True
+        self._pushed, self.push_end_s = True, at_ns * 1e-9 + push.duration_s
 
     @property
     def stood_and_sat(self) -> bool:
@@ -116,8 +137,14 @@ class Observer:
 
 
 def chosen_scenario(name: str, config: Uslgo1Config, seed: int) -> Scenario:
-    """The scenario with the configuration's changes; the seed of a push counts through directions and gait phases."""
-    chosen = scenario_named(name)
+    """The scenario of a name, or on the path of a CSV file, with the configuration's changes.
+
+    The seed of a push counts through directions, then gait phases.
+    """
+    if name.lower().endswith(".csv"):
+        chosen = custom(read_path_csv(name, capacity=PATH_CAPACITY))
+    else:
+        chosen = scenario_named(name)
     if config.scenario.speed_mps > 0.0 and chosen.waypoints:
         chosen = chosen.with_speed(config.scenario.speed_mps)
     if chosen.push is not None:
@@ -137,18 +164,20 @@ def run_scenario(
     controller: str = "FpMW",
     overrides: Mapping[str, str] | None = None,
     out: Path | None = None,
+    until_s: float = math.inf,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Run a scenario.
 
     Args:
         robot: its name.
-        scenario: its name.
+        scenario: its name, or a CSV file with a path.
         seed: of terrain, noise and push.
         estimator: "kalman" or "truth".
         controller: "FpMW", "FpM" or "pMW".
         overrides: configuration keys and values.
         out: directory of the log and `summary.json`; None records nothing.
+        until_s: ends the run after that time at the latest, done or not.
         progress: called with the time reached and the time expected, s.
 
     Returns:
@@ -186,7 +215,7 @@ def run_scenario(
         topics.OPERATOR: ScriptedOperator(course, config.posture.rise_s),
         topics.PATH: ScriptedPath(course),
     }
-    observer = Observer(world, assembled, config, course, progress)
+    observer = Observer(world, assembled, config, course, until_s, progress)
     with ExitStack() as stack:
         sink: TickSink = NullSink()
         log = ""
@@ -230,11 +259,13 @@ def _outcome(observer: Observer, course: Scenario) -> dict[str, Any]:
     if not course.waypoints:
         return {"completed": observer.stood_and_sat and not observer.fault}
     path = Polyline(course.waypoints, course.closed)
-    t, x, y, yaw = np.array(observer.samples).T
+    t, x, y, yaw = np.array(observer.samples or [(0.0, *course.start_pose)]).T
     metrics = path_metrics(t, np.stack((x, y), axis=1), yaw, path, course.time_limit_s, course.profile)
     outcome = metrics.summary(course.speed_mps)
     if course.push is not None:
-        outcome["push_recovered"] = not observer.fell and metrics.completed
+        fell = observer.fell or bool(observer.fault)
+        push = push_recovery(t, np.stack((x, y), axis=1), path, observer.push_end_s, course.speed_mps, fell)
+        outcome["push"] = push.summary()
     return outcome
 
 

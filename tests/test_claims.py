@@ -22,6 +22,7 @@ GOOD = {
     "mpc_ms": {"p99": 1.0},
     "wbc_ms": {"median": 0.3, "p99": 0.5},
     "realtime_factor": 3.0,
+    "push": {"passed": True, "back_at_speed": True},
 }
 
 
@@ -41,11 +42,14 @@ def claims() -> ModuleType:
 def run(claims: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Runs the table on runs that are all good but for what is given."""
 
-    def start(*arguments: str, **changes: Any) -> int:
+    def start(*arguments: str, differing: bool = False, **changes: Any) -> int:
         def run_jobs(jobs: Sequence[Any], progress: Any) -> list[dict[str, Any]]:
             return [{**GOOD, **changes} for _ in jobs]
 
         monkeypatch.setattr(claims, "run_jobs", run_jobs)
+        monkeypatch.setattr(claims, "run_of_hash_seed", lambda hash_seed, directory: None)
+        monkeypatch.setattr(claims, "recorded_difference", lambda summaries: float(differing))
+        monkeypatch.setattr(claims, "replayed_difference", lambda summaries: float(differing))
         return int(claims.main(arguments))
 
     return start
@@ -68,6 +72,9 @@ def test_good_runs_keep_every_claim(run: Run, capsys: pytest.CaptureFixture[str]
         {"lateral_error_m": {"rms": math.nan}},
         {"tracking_error_m": {"mean": 0.2}},
         {"speed_mps": {"mean": 0.5, "commanded": 0.6}},
+        {"push": {"passed": True, "back_at_speed": False}},
+        {"push": {"passed": False, "back_at_speed": True}},
+        {"differing": True},
     ],
 )
 def test_a_missed_bound_fails(run: Run, capsys: pytest.CaptureFixture[str], change: dict[str, Any]) -> None:
@@ -85,6 +92,21 @@ def test_the_full_table_has_the_seeds_that_are_claimed(claims: ModuleType) -> No
     assert runs["lines: completed"] == 40
     assert runs["s-curve: completed"] == 10
     assert runs["push of 10 N.s: withstood"] == 8 * 4 * 5
+    assert runs["trot at 1.2 m/s: deviation"] == 5
+
+
+def test_a_few_pushes_come_from_every_side_and_at_every_gait_phase(claims: ModuleType) -> None:
+    (push,) = (claim for claim in claims.claims(full=False) if claim.name == "push of 10 N.s: withstood")
+    assert {job.seed % 8 for job in push.jobs} == set(range(8))
+    assert {job.seed // 8 % 4 for job in push.jobs} == set(range(4))
+
+
+def test_a_fast_trot_is_steady_for_ten_seconds(claims: ModuleType) -> None:
+    from sim_bridge.courses import scenario
+
+    for speed in claims.FASTEST_TROTS_MPS:
+        course = scenario(claims.straight(speed)).with_speed(speed)
+        assert course.nominal_time_s - 2.0 / speed >= 10.0
 
 
 def test_a_claim_that_nothing_matches_is_named(run: Run, capsys: pytest.CaptureFixture[str]) -> None:

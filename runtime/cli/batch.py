@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import concurrent.futures.process
 import multiprocessing
 import os
 from collections.abc import Mapping, Sequence
@@ -12,6 +13,7 @@ from typing import Any
 
 from runtime.cli.console import ReportProgress
 from runtime.cli.sil import simulate
+from runtime.errors import UgvError
 
 Summary = dict[str, Any]
 
@@ -28,6 +30,10 @@ class Job:
     robot: str = "uslgo1"
 
 
+class BatchError(UgvError):
+    """A run of a batch ended without an outcome."""
+
+
 def run_job(job: Job) -> Summary:
     """Run one scenario without writing it, and return its summary."""
     return simulate(
@@ -37,8 +43,6 @@ def run_job(job: Job) -> Summary:
         estimator=job.estimator,
         controller=job.controller,
         overrides=dict(job.overrides),
-        out=None,
-        progress=None,
     )
 
 
@@ -52,6 +56,8 @@ def run_jobs(jobs: Sequence[Job], progress: ReportProgress) -> list[Summary]:
             for done, _ in enumerate(concurrent.futures.as_completed(running), start=1):
                 progress(done, len(jobs))
             return [run.result() for run in running]
+        except concurrent.futures.process.BrokenProcessPool:
+            raise BatchError("a run's process was killed, by the system for lack of memory or by hand") from None
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 ReportProgress = Callable[[float, float], None]
@@ -13,7 +13,7 @@ ReportProgress = Callable[[float, float], None]
 
 @contextlib.contextmanager
 def progress_bar(label: str) -> Iterator[ReportProgress]:
-    """A progress bar; gives the function that moves it."""
+    """A progress bar, shown from its first movement on; gives the function that moves it."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -32,13 +32,17 @@ def progress_bar(label: str) -> Iterator[ReportProgress]:
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), refresh_per_second=4) as bar:
-        task = bar.add_task(label, total=None)
+    bar = Progress(*columns, console=Console(stderr=True), refresh_per_second=4)
+    task = bar.add_task(label, total=None)
 
-        def report(done: float, total: float) -> None:
-            bar.update(task, completed=done, total=total)
+    def report(done: float, total: float) -> None:
+        bar.start()
+        bar.update(task, completed=min(done, total), total=total)
 
+    try:
         yield report
+    finally:
+        bar.stop()
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -56,19 +60,8 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]
     if not console.is_terminal:
         console = Console(width=160)
     if title:
-        console.print(Text(title, style="bold"))
+        console.print(Text(title, style="bold"), soft_wrap=True)
     console.print(table)
-
-
-def print_summary(summary: Mapping[str, Any]) -> None:
-    """Print the summary of a run, one line per key; nested values as dotted keys."""
-    rows = []
-    for key, value in summary.items():
-        if isinstance(value, Mapping):
-            rows += [(f"{key}.{part}", figure) for part, figure in value.items()]
-        else:
-            rows.append((key, value))
-    print_table("", ("", "value"), rows)
 
 
 def text_of(cell: Any) -> str:

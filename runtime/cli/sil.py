@@ -17,7 +17,13 @@ ESTIMATORS = ("kalman", "truth")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     parser.add_argument("robot", metavar="ROBOT", help="for example uslgo1")
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?", default="flat", help="for example circle-6cm")
+    parser.add_argument(
+        "scenario",
+        metavar="SCENARIO",
+        nargs="?",
+        default="flat",
+        help="for example circle-6cm (default flat), or a CSV file with a path: x,y in metres",
+    )
     parser.add_argument("--seed", type=seed, default=0, metavar="N", help="of terrain, noise and pushes (default 0)")
     parser.add_argument("--realtime", action="store_true", help="against the wall clock (not available yet)")
     parser.add_argument(
@@ -34,12 +40,13 @@ def run(options: argparse.Namespace) -> int:
     for name in ("realtime", "view"):
         if getattr(options, name):
             raise UsageError(f"ugv sil: --{name} comes with a later version; without it the run is in virtual time")
-    from runtime.cli.console import print_summary, progress_bar
+    from runtime.cli.console import progress_bar
     from runtime.cli.output import run_directory
+    from runtime.cli.summary_table import print_summary
     from runtime.configuration import parse_overrides
 
     overrides = parse_overrides(options.assignments)
-    name = f"{options.robot}-{options.scenario}-{options.seed}"
+    name = f"{options.robot}-{Path(options.scenario).stem}-{options.seed}"
     with run_directory(options.out, name) as directory:
         with progress_bar(f"{options.robot} {options.scenario}") as progress:
             summary = simulate(
@@ -56,6 +63,7 @@ def run(options: argparse.Namespace) -> int:
 
         report = write_report(directory)
     print_summary(summary)
+    print(f"log:    {directory / str(summary.get('log', ''))}")
     print(f"report: {report}")
     return exit_code(summary)
 

@@ -35,21 +35,23 @@ def complete(
     course_gain: float,
 ) -> None:
     """Fill the derived fields of `output`, whose pose and twist are set, and keep `memory` up to date."""
-    spin = rotation @ output.angular_velocity
-    levers = legs.position @ rotation.T
-    feet = output.position + levers
-    output.foot_position = feet.ravel()
-    output.foot_velocity = (output.linear_velocity + legs.velocity @ rotation.T + levers @ skew(spin).T).ravel()
+    spin = skew(output.angular_velocity)
+    feet = output.foot_position.reshape(4, 3)
+    feet[:] = legs.position @ rotation.T + output.position
+    moving = legs.velocity - legs.position @ spin
+    output.foot_velocity.reshape(4, 3)[:] = moving @ rotation.T + output.linear_velocity
     stood = memory.stood.reshape(4, 3)
+    velocity = output.linear_velocity[:2]
     if not memory.standing_known:
         memory.standing_known = True
         stood[:] = feet
-        memory.normal = plane_normal(stood)
-        memory.course_velocity = output.linear_velocity[:2]
+        memory.normal = plane_normal(stood.tolist())
+        memory.course_velocity = velocity
     stood[contact] = feet[contact]
-    memory.normal = smoothed(memory.normal, plane_normal(stood), plane_gain)
-    memory.course_velocity += course_gain * (output.linear_velocity[:2] - memory.course_velocity)
-    output.contact = contact
-    output.plane_normal = memory.normal
-    output.height = height_above(output.position, stood, memory.normal, foot_radius)
+    points = stood.tolist()
+    normal = smoothed(memory.normal.tolist(), plane_normal(points), plane_gain)
+    memory.normal = output.plane_normal = normal
+    memory.course_velocity += course_gain * (velocity - memory.course_velocity)
     output.course_velocity = memory.course_velocity
+    output.contact = contact
+    output.height = height_above(output.position.tolist(), points, normal, foot_radius)

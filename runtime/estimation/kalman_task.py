@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 import numpy as np
 import numpy.typing as npt
 
@@ -33,6 +35,7 @@ class EstimatorMemory(kalman.KalmanMemory, StanceMemory):
     poses_rejected = uint32()
     samples_rejected = uint32()
     force = float64_array("foot", "N")
+    history_count = int64()
     history_ns = int64_array(HISTORY, "ns")
     history = float64_array(4 * HISTORY, "", "x y z yaw of each")
 
@@ -80,10 +83,10 @@ class KalmanTask(Task):
         contact = self._contacts(legs, rotation)
         standing = np.flatnonzero(contact)
         if standing.size:
-            deviation = rest_deviation(config, self._gait.foot_phase if self._gait.walking else np.full(4, 0.5))[standing]
-            normal = memory.normal if memory.standing_known else np.array([0.0, 0.0, 1.0])
+            progress = self._gait.foot_phase.tolist() if self._gait.walking else [0.5] * 4
+            deviation = np.array([rest_deviation(config, progress[foot]) for foot in standing])
             measured = kalman.contact_measurement(
-                memory, rotation, rate, legs, standing, deviation, normal, self._foot_radius
+                memory, rotation, rate, legs, standing, deviation, self._normal(), self._foot_radius
             )
             kalman.update(memory, measured)
         self._remember(now_ns)
@@ -105,15 +108,19 @@ class KalmanTask(Task):
         imu, memory = self._imu, self.state
         if imu.stamp_ns == 0:
             return
-        if np.isfinite(imu.angular_velocity).all() and np.isfinite(imu.linear_acceleration).all():
+        if isfinite(float(imu.angular_velocity.sum() + imu.linear_acceleration.sum())):
             memory.rate, memory.acceleration = imu.angular_velocity, imu.linear_acceleration
         else:
             memory.samples_rejected += 1
 
+    def _normal(self) -> Array:
+        """The ground's normal as known before this tick."""
+        memory = self.state
+        return memory.normal if memory.standing_known else np.array([0.0, 0.0, 1.0])
+
     def _contacts(self, legs: LegState, rotation: Array) -> npt.NDArray[np.bool_]:
         memory, config, gait = self.state, self._config, self._gait
-        normal = memory.normal if memory.standing_known else np.array([0.0, 0.0, 1.0])
-        measured = normal_force(legs, self._joints.effort, normal @ rotation)
+        measured = normal_force(legs, self._joints.effort, self._normal() @ rotation)
         memory.force += min(1.0, self._period_s / config.contact_filter_s) * (measured - memory.force)
         if not gait.walking:
             return np.ones(4, dtype=bool)
@@ -122,9 +129,11 @@ class KalmanTask(Task):
     def _remember(self, now_ns: int) -> None:
         """Put the present pose into the ring of past ones."""
         memory = self.state
-        slot = int(np.argmin(memory.history_ns))
-        memory.history_ns[slot] = now_ns + 1
-        memory.history.reshape(HISTORY, 4)[slot] = (*memory.position, yaw_of_quaternion(memory.orientation))
+        slot = memory.history_count % HISTORY
+        memory.history_count += 1
+        memory.history_ns[slot] = now_ns
+        memory.history[4 * slot : 4 * slot + 3] = memory.position
+        memory.history[4 * slot + 3] = yaw_of_quaternion(memory.orientation)
 
     def _fuse_pose(self, now_ns: int) -> None:
         """Correct by the localisation pose, compared with the estimate at the time it was acquired."""
@@ -133,7 +142,7 @@ class KalmanTask(Task):
             return
         memory.pose_sequence = pose.sequence
         past = memory.history.reshape(HISTORY, 4)
-        ages = np.abs(memory.history_ns - 1 - pose.stamp_ns)
+        ages = np.abs(memory.history_ns - pose.stamp_ns)
         slot = int(np.argmin(ages))
         finite = np.isfinite(pose.position).all() and np.isfinite(pose.orientation).all()
         if not finite or ages[slot] > 2 * self._period_s * 1e9:
@@ -142,8 +151,8 @@ class KalmanTask(Task):
         error = pose.position - past[slot, :3]
         yaw_error = wrapped(yaw_of_quaternion(pose.orientation) - past[slot, 3])
         measured = kalman.pose_measurement(config, error, yaw_error)
-        covariance = memory.covariance.reshape(kalman.SIZE, kalman.SIZE)[[0, 1, 2, 8], [0, 1, 2, 8]]
-        if (np.square(measured.residual) > config.localization_gate**2 * (measured.variance + covariance)).any():
+        spread = memory.covariance.reshape(kalman.SIZE, kalman.SIZE).diagonal()[[0, 1, 2, 8]] + measured.variance
+        if (np.square(measured.residual) > config.localization_gate**2 * spread).any():
             memory.poses_rejected += 1
             return
         change = kalman.update(memory, measured)
@@ -154,6 +163,7 @@ class KalmanTask(Task):
     def _publish(self, now_ns: int, legs: LegState, contact: npt.NDArray[np.bool_]) -> None:
         memory, output, config = self.state, self._output, self._config
         output.stamp_ns = now_ns
+        rotation = matrix_of_quaternion(memory.orientation)
         output.position, output.orientation = memory.position, memory.orientation
         output.linear_velocity = memory.velocity
         output.angular_velocity = memory.rate - memory.rate_bias
@@ -165,7 +175,7 @@ class KalmanTask(Task):
             output,
             memory,
             legs,
-            matrix_of_quaternion(memory.orientation),
+            rotation,
             contact,
             self._foot_radius,
             self._period_s / config.plane_time_s,

@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+from typing import Annotated, NamedTuple
 
 import msgspec
-import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from runtime.models.rigid_body import GRAVITY
 
 
 class FootholdConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -17,46 +16,59 @@ class FootholdConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         capture_gain: multiplies sqrt(h / g) times the velocity error (1 is the capture point of the inverted pendulum).
-        stance_width_m: added to the lateral distance of each foot from its shoulder.
         reach_m: largest horizontal distance from the point below the shoulder.
     """
 
     capture_gain: Annotated[float, msgspec.Meta(ge=0.0, le=2.0)] = 0.7
-    stance_width_m: Annotated[float, msgspec.Meta(ge=-0.05, le=0.1)] = 0.0
     reach_m: Annotated[float, msgspec.Meta(gt=0.0, le=0.4)] = 0.28
 
 
-def footholds(
-    config: FootholdConfig,
-    shoulder: Array,
-    velocity: Array,
-    velocity_commanded: Array,
-    yaw_rate: float,
-    center: Array,
-    remaining_s: Array,
-    stance_s: float,
-    height_m: float,
-    gravity: float,
-) -> Array:
-    """Horizontal footholds, (4, 2), in odom.
+class TrunkMotion(NamedTuple):
+    """What the foothold rule needs to know of the trunk, horizontal, in odom.
+
+    Attributes:
+        x, y: trunk origin, m.
+        heading: rad.
+        velocity_x, velocity_y: estimated, m/s.
+        commanded_x, commanded_y: commanded velocity, m/s.
+        yaw_rate: commanded, rad/s.
+        height: of the trunk above the ground, m.
+    """
+
+    x: float
+    y: float
+    heading: float
+    velocity_x: float
+    velocity_y: float
+    commanded_x: float
+    commanded_y: float
+    yaw_rate: float
+    height: float
+
+
+def foothold(
+    config: FootholdConfig, trunk: TrunkMotion, shoulder_x: float, shoulder_y: float, remaining_s: float, stance_s: float
+) -> tuple[float, float]:
+    """Horizontal foothold (x, y) in odom.
 
     The foot lands so that it is below its shoulder at mid-stance (Raibert's neutral point), displaced by the capture term.
 
     Args:
         config: parameters.
-        shoulder: points below which the feet stand at rest, now, (4, 2).
-        velocity, velocity_commanded: of the trunk, (2,), in odom.
-        yaw_rate: commanded, rad/s.
-        center: trunk origin, (2,).
-        remaining_s: time until each foot lands, (4,).
+        trunk: its motion.
+        shoulder_x, shoulder_y: point below which the foot stands at rest, in the base frame, m.
+        remaining_s: time until the foot lands.
         stance_s: duration of the stance that follows.
-        height_m: of the trunk above the ground.
-        gravity: m/s^2.
     """
-    ahead = (remaining_s + 0.5 * stance_s)[:, None]
-    lever = shoulder - center
-    turned = lever + yaw_rate * ahead * np.stack((-lever[:, 1], lever[:, 0]), axis=1)
-    below = center + turned + remaining_s[:, None] * velocity
-    capture = config.capture_gain * np.sqrt(height_m / gravity) * (velocity - velocity_commanded)
-    step = 0.5 * stance_s * velocity_commanded + capture
-    return below + step * min(1.0, config.reach_m / max(float(np.hypot(step[0], step[1])), 1e-9))
+    cosine, sine = math.cos(trunk.heading), math.sin(trunk.heading)
+    lever_x = cosine * shoulder_x - sine * shoulder_y
+    lever_y = sine * shoulder_x + cosine * shoulder_y
+    turned = trunk.yaw_rate * (remaining_s + 0.5 * stance_s)
+    below_x = trunk.x + lever_x - turned * lever_y + remaining_s * trunk.velocity_x
+    below_y = trunk.y + lever_y + turned * lever_x + remaining_s * trunk.velocity_y
+    capture = config.capture_gain * math.sqrt(max(trunk.height, 0.0) / GRAVITY)
+    step_x = 0.5 * stance_s * trunk.commanded_x + capture * (trunk.velocity_x - trunk.commanded_x)
+    step_y = 0.5 * stance_s * trunk.commanded_y + capture * (trunk.velocity_y - trunk.commanded_y)
+    length = math.hypot(step_x, step_y)
+    scale = min(1.0, config.reach_m / length) if length > 0.0 else 1.0
+    return below_x + scale * step_x, below_y + scale * step_y

@@ -6,13 +6,8 @@ from __future__ import annotations
 from typing import Annotated
 
 import msgspec
-import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
-
-TROT_OFFSETS = np.array([0.0, 0.5, 0.5, 0.0])
+TROT_OFFSETS = (0.0, 0.5, 0.5, 0.0)
 """Phase by which each foot (LF, RF, LH, RH) is ahead: diagonal pairs move together."""
 
 
@@ -38,21 +33,21 @@ class GaitConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.period_ns * (1.0 - self.stance_fraction) * 1e-9
 
 
-def foot_phases(config: GaitConfig, cycle_start_ns: int, now_ns: int) -> Array:
-    """Phase of each foot in its own cycle, (4,), in [0, 1); its stance begins at 0."""
+def foot_phases(config: GaitConfig, cycle_start_ns: int, now_ns: int) -> list[float]:
+    """Phase of each of the four feet in its own cycle, in [0, 1); its stance begins at 0."""
     phase = ((now_ns - cycle_start_ns) % config.period_ns) / config.period_ns
-    return (phase + TROT_OFFSETS) % 1.0
+    return [(phase + offset) % 1.0 for offset in TROT_OFFSETS]
 
 
-def scheduled_stance(config: GaitConfig, phases: Array) -> Mask:
-    """Which feet are meant to stand, (4,)."""
-    return phases < config.stance_fraction
+def scheduled_stance(config: GaitConfig, phases: list[float]) -> list[bool]:
+    """Which feet are meant to stand."""
+    return [phase < config.stance_fraction for phase in phases]
 
 
-def phase_progress(config: GaitConfig, phases: Array) -> Array:
-    """Progress of each foot within its present stance or swing, (4,), 0 to 1."""
+def phase_progress(config: GaitConfig, phases: list[float]) -> list[float]:
+    """Progress of each foot within its present stance or swing, 0 to 1."""
     duty = config.stance_fraction
-    return np.where(phases < duty, phases / duty, (phases - duty) / (1.0 - duty))
+    return [phase / duty if phase < duty else (phase - duty) / (1.0 - duty) for phase in phases]
 
 
 def knots(config: GaitConfig, cycle_start_ns: int, begin_ns: int, steps: int) -> list[int]:

@@ -6,17 +6,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
-from runtime.legged.footholds import FootholdConfig, footholds
+from runtime.legged.footholds import FootholdConfig, TrunkMotion, foothold
 from runtime.legged.gait import GaitConfig, foot_phases, phase_progress, scheduled_stance
 from runtime.legged.swing import SwingConfig, foot_reference
 from runtime.models.quadruped import Quadruped
-from runtime.models.rigid_body import GRAVITY
 from runtime.models.rotations import yaw_of_quaternion
 from runtime.records import Record, boolean, boolean_array, float64_array, int64, uint32
 from runtime.signals import BodyCommand, BodyState, Gait, Mode, Posture, SafetyStatus, Stance
 from runtime.tasks import Task
 
+Array = npt.NDArray[np.float64]
+
+EARLIEST_TOUCHDOWN = 0.6
+"""Part of a swing before which contact is the foot scraping or lifting off, not landing."""
 STANDSTILL_MPS = 0.02
 """Commands below this, and turn rates below ten times this, are standing."""
 
@@ -29,7 +33,6 @@ class GaitMemory(Record):
     stance = boolean_array("foot", "schedule of the tick before")
     touched = boolean_array("foot", "the foot has met the ground since it lifted off")
     lift_off = float64_array("foot_xyz", "m", "where each foot left the ground")
-    stood = float64_array("foot_xyz", "m", "where each foot last stood")
     foothold = float64_array("foot_xyz", "m")
     late_contacts = uint32()
     early_contacts = uint32()
@@ -40,7 +43,7 @@ class GaitTask(Task):
 
     Args:
         description: of the robot.
-        gait, swing, foothold: parameters.
+        gait, swing, footholds: parameters.
         body, command, safety, posture: records read; `safety` is that of the tick before.
         output: record written.
     """
@@ -52,17 +55,17 @@ class GaitTask(Task):
         description: Quadruped,
         gait: GaitConfig,
         swing: SwingConfig,
-        foothold: FootholdConfig,
+        footholds: FootholdConfig,
         body: BodyState,
         command: BodyCommand,
         safety: SafetyStatus,
         posture: Posture,
         output: Gait,
     ) -> None:
-        self._gait, self._swing, self._foothold = gait, swing, foothold
+        self._gait, self._swing, self._foothold = gait, swing, footholds
         self._body, self._command, self._safety = body, command, safety
         self._posture, self._output = posture, output
-        self._shoulders = description.shoulder_positions()
+        self._shoulders = description.shoulder_positions()[:, :2].tolist()
         self._foot_radius = description.foot_radius_m
         self.reads, self.writes = (body, command, safety, posture), (output,)
         self.state: GaitMemory = GaitMemory("/ugv/state/gait", output.sizes)
@@ -72,13 +75,14 @@ class GaitTask(Task):
         memory, body, output = self.state, self._body, self._output
         balancing = self._posture.stance == Stance.STANDING and self._safety.mode in (Mode.STANDING, Mode.ACTIVE)
         self._start_or_stop(now_ns, balancing)
-        phases = foot_phases(self._gait, memory.cycle_start_ns, now_ns)
-        stance = scheduled_stance(self._gait, phases) if memory.walking else np.ones(4, dtype=bool)
-        progress = phase_progress(self._gait, phases) if memory.walking else np.zeros(4)
-        feet = body.foot_position.reshape(4, 3)
-        self._follow_contacts(stance, progress, feet)
-        self._place_feet(stance, progress, feet)
-        contact = memory.touched & (stance | (progress > 0.5))
+        stance, progress = [True] * 4, [0.0] * 4
+        if memory.walking:
+            phases = foot_phases(self._gait, memory.cycle_start_ns, now_ns)
+            stance, progress = scheduled_stance(self._gait, phases), phase_progress(self._gait, phases)
+        self._follow_contacts(stance, progress, body.foot_position.reshape(4, 3))
+        touched = memory.touched.tolist()
+        self._place_feet(touched, stance, progress)
+        contact = [down and (stands or late > 0.5) for down, stands, late in zip(touched, stance, progress, strict=True)]
         self._move_feet(contact, stance, progress)
         output.stamp_ns = now_ns
         output.balancing = balancing
@@ -109,82 +113,74 @@ class GaitTask(Task):
                 memory.walking = False
                 memory.touched = True
 
-    def _follow_contacts(self, stance: np.ndarray, progress: np.ndarray, feet: np.ndarray) -> None:
+    def _follow_contacts(self, stance: list[bool], progress: list[float], feet: Array) -> None:
         """Latch touchdowns; a foot lifts off at the start of its swing, and only contact after mid-swing is a touchdown."""
-        memory, loaded = self.state, self._body.contact
-        touched = memory.touched
-        lift_off = memory.lift_off.reshape(4, 3)
-        stood = memory.stood.reshape(4, 3)
+        memory = self.state
+        touched, lift_off, targets = memory.touched, memory.lift_off.reshape(4, 3), memory.foothold.reshape(4, 3)
+        loaded, stood = self._body.contact.tolist(), memory.stance.tolist()
         for foot in range(4):
-            if not stance[foot] and memory.stance[foot]:
+            if not stance[foot] and stood[foot]:
                 touched[foot] = False
                 lift_off[foot] = feet[foot]
-            elif loaded[foot] and not touched[foot] and (stance[foot] or progress[foot] > 0.6):
+            elif loaded[foot] and not touched[foot] and (stance[foot] or progress[foot] > EARLIEST_TOUCHDOWN):
                 touched[foot] = True
                 if stance[foot]:
                     memory.late_contacts += 1
                 else:
                     memory.early_contacts += 1
-            if touched[foot] and loaded[foot]:
-                stood[foot] = feet[foot]
+            if touched[foot]:
+                targets[foot] = feet[foot]
         memory.stance = stance
 
-    def _place_feet(self, stance: np.ndarray, progress: np.ndarray, feet: np.ndarray) -> None:
-        memory, body, command = self.state, self._body, self._command
-        targets = memory.foothold.reshape(4, 3)
-        if memory.walking and not memory.touched.all():
-            yaw = yaw_of_quaternion(body.orientation)
-            cosine, sine = math.cos(yaw), math.sin(yaw)
-            forward, lateral = command.velocity.tolist()
-            commanded = np.array([cosine * forward - sine * lateral, sine * forward + cosine * lateral])
-            center = body.position[:2]
-            heading = np.array([[cosine, -sine], [sine, cosine]])
-            shoulder = center + self._shoulders[:, :2] @ heading.T
-            landing = footholds(
-                self._foothold,
-                shoulder,
-                body.linear_velocity[:2],
-                commanded,
-                command.yaw_rate,
-                center,
-                np.where(stance, 0.0, 1.0 - progress) * self._gait.swing_s,
-                self._gait.stance_s,
-                body.height,
-                GRAVITY,
-            )
-            normal = body.plane_normal
-            slope = normal[:2] / normal[2]
-            ground = body.position[2] - body.height
-            for foot in range(4):
-                if not memory.touched[foot] and not stance[foot]:
-                    targets[foot, :2] = landing[foot]
-                    level = ground - float(slope @ (landing[foot] - center))
-                    targets[foot, 2] = level + self._foot_radius / normal[2]
-        for foot in range(4):
-            if memory.touched[foot]:
-                targets[foot] = feet[foot]
+    def _place_feet(self, touched: list[bool], stance: list[bool], progress: list[float]) -> None:
+        """Choose the footholds of the feet in the air, on the stance plane."""
+        searching = [foot for foot in range(4) if not touched[foot] and not stance[foot]]
+        if not searching:
+            return
+        body, swing_s = self._body, self._gait.swing_s
+        trunk = self._trunk_motion()
+        normal_x, normal_y, normal_z = body.plane_normal.tolist()
+        ground = float(body.position[2]) - trunk.height + self._foot_radius / normal_z
+        targets = self.state.foothold.reshape(4, 3)
+        for foot in searching:
+            shoulder_x, shoulder_y = self._shoulders[foot]
+            remaining_s = (1.0 - progress[foot]) * swing_s
+            x, y = foothold(self._foothold, trunk, shoulder_x, shoulder_y, remaining_s, self._gait.stance_s)
+            drop = (normal_x * (x - trunk.x) + normal_y * (y - trunk.y)) / normal_z
+            targets[foot] = x, y, ground - drop
 
-    def _move_feet(self, contact: np.ndarray, stance: np.ndarray, progress: np.ndarray) -> None:
+    def _trunk_motion(self) -> TrunkMotion:
+        body, command = self._body, self._command
+        heading = yaw_of_quaternion(body.orientation)
+        cosine, sine = math.cos(heading), math.sin(heading)
+        forward, lateral = command.velocity.tolist()
+        x, y, _ = body.position.tolist()
+        velocity_x, velocity_y, _ = body.linear_velocity.tolist()
+        return TrunkMotion(
+            x,
+            y,
+            heading,
+            velocity_x,
+            velocity_y,
+            cosine * forward - sine * lateral,
+            sine * forward + cosine * lateral,
+            command.yaw_rate,
+            body.height,
+        )
+
+    def _move_feet(self, contact: list[bool], stance: list[bool], progress: list[float]) -> None:
+        """References of the feet in the air; a standing foot's is where it stands."""
         memory, output = self.state, self._output
-        position = output.swing_position.reshape(4, 3)
-        velocity = output.swing_velocity.reshape(4, 3)
-        acceleration = output.swing_acceleration.reshape(4, 3)
-        late_s = self._gait.stance_s
+        position, lift_off = memory.foothold.tolist(), memory.lift_off.tolist()
+        normal = self._body.plane_normal.tolist()
+        velocity, acceleration = [0.0] * 12, [0.0] * 12
+        swing_s = self._gait.swing_s
         for foot in range(4):
             if contact[foot]:
-                position[foot] = memory.foothold[3 * foot : 3 * foot + 3]
-                velocity[foot] = 0.0
-                acceleration[foot] = 0.0
                 continue
-            s = float(progress[foot])
-            if stance[foot]:
-                s = 1.0 + s * late_s / self._gait.swing_s
-            reference = foot_reference(
-                self._swing,
-                memory.lift_off[3 * foot : 3 * foot + 3],
-                memory.foothold[3 * foot : 3 * foot + 3],
-                self._body.plane_normal,
-                s,
-                self._gait.swing_s,
+            s = 1.0 + progress[foot] * self._gait.stance_s / swing_s if stance[foot] else progress[foot]
+            xyz = slice(3 * foot, 3 * foot + 3)
+            position[xyz], velocity[xyz], acceleration[xyz] = foot_reference(
+                self._swing, lift_off[xyz], position[xyz], normal, s, swing_s
             )
-            position[foot], velocity[foot], acceleration[foot] = reference
+        output.swing_position, output.swing_velocity, output.swing_acceleration = position, velocity, acceleration

@@ -18,7 +18,7 @@ from runtime.models.rotations import (
     rotation_z,
     wrapped,
 )
-from runtime.models.vectors import total_moment
+from runtime.models.vectors import solve_three, total_moment
 from runtime.optimization.qp import QpSolver
 from runtime.records import Record, boolean, float64, float64_array, uint32
 from runtime.signals import BodyCommand, BodyState, ContactForces, Gait, JointState
@@ -146,7 +146,7 @@ class MpcTask(Task):
         acceleration = force.sum(axis=0) / model.mass_kg - (0.0, 0.0, GRAVITY)
         moment = total_moment(feet - model.center_of_mass, force)
         spin = rotation @ body.angular_velocity
-        angular = np.linalg.solve(model.inertia, moment)
+        angular = solve_three(model.inertia, moment)
         roll, pitch, yaw = roll_pitch_yaw(rotation)
         turn = rotation_z(yaw).T
         state = np.empty(12)

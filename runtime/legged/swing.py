@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from collections.abc import Sequence
+from typing import Annotated
 
 import msgspec
-import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+Vector = Sequence[float]
 
 
 class SwingConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -26,14 +25,6 @@ class SwingConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reach_below_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.2)] = 0.06
 
 
-class FootReference(NamedTuple):
-    """Position, velocity and acceleration references of one foot, (3,) each, in odom."""
-
-    position: Array
-    velocity: Array
-    acceleration: Array
-
-
 def _quintic(begin: float, end: float, end_rate: float, s: float) -> tuple[float, float, float]:
     """Quintic from rest at `begin` to `end` with a final rate and no final curvature: value, rate, curvature at s in [0, 1]."""
     rise = end - begin
@@ -46,30 +37,49 @@ def _quintic(begin: float, end: float, end_rate: float, s: float) -> tuple[float
 
 
 def foot_reference(
-    config: SwingConfig, lift_off: Array, foothold: Array, normal: Array, progress: float, duration_s: float
-) -> FootReference:
-    """The reference at `progress` (1 at the scheduled touchdown, more when the ground comes late).
+    config: SwingConfig, lift_off: Vector, foothold: Vector, normal: Vector, progress: float, duration_s: float
+) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    """Position, velocity and acceleration references (3 each) of a foot, in odom.
 
-    Horizontal motion is minimum-jerk; the height along `normal` rises to the apex at mid-swing and comes down to meet the
-    foothold at the touchdown speed.
+    Along the ground the motion is minimum-jerk; the height along `normal` rises to the apex at mid-swing and comes down to
+    meet the foothold at the touchdown speed.
+
+    Args:
+        config: shape.
+        lift_off, foothold: foot centres, m.
+        normal: of the ground.
+        progress: 0 at lift-off, 1 at the scheduled touchdown, more when the ground comes late.
+        duration_s: of the swing.
     """
-    travel = foothold - lift_off
     if progress >= 1.0:
-        depth = min(config.touchdown_speed_mps * (progress - 1.0) * duration_s, config.reach_below_m)
-        moving = depth < config.reach_below_m
-        speed = config.touchdown_speed_mps if moving else 0.0
-        return FootReference(foothold - normal * depth, -normal * speed, np.zeros(3))
+        return _search(config, foothold, normal, (progress - 1.0) * duration_s)
     s, ds, dds = _quintic(0.0, 1.0, 0.0, progress)
-    rise = float(travel @ normal)
+    ds, dds = ds / duration_s, dds / duration_s**2
+    travel = [end - begin for begin, end in zip(lift_off, foothold, strict=True)]
+    rise = sum(step * n for step, n in zip(travel, normal, strict=True))
     apex = max(rise, 0.0) + config.height_m
     half = 0.5 * duration_s
     if progress < 0.5:
         z, dz, ddz = _quintic(0.0, apex, 0.0, 2 * progress)
     else:
         z, dz, ddz = _quintic(apex, rise, -config.touchdown_speed_mps * half, 2 * progress - 1)
-    along = travel - rise * normal
-    return FootReference(
-        lift_off + s * along + z * normal,
-        (ds / duration_s) * along + (dz / half) * normal,
-        (dds / duration_s**2) * along + (ddz / half**2) * normal,
+    dz, ddz = dz / half, ddz / half**2
+    along = [step - rise * n for step, n in zip(travel, normal, strict=True)]
+    return (
+        tuple(p + s * a + z * n for p, a, n in zip(lift_off, along, normal, strict=True)),
+        tuple(ds * a + dz * n for a, n in zip(along, normal, strict=True)),
+        tuple(dds * a + ddz * n for a, n in zip(along, normal, strict=True)),
+    )
+
+
+def _search(
+    config: SwingConfig, foothold: Vector, normal: Vector, late_s: float
+) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    """The ground is late: go on downwards, and hold at the end of the reach."""
+    depth = min(config.touchdown_speed_mps * late_s, config.reach_below_m)
+    speed = config.touchdown_speed_mps if depth < config.reach_below_m else 0.0
+    return (
+        tuple(p - depth * n for p, n in zip(foothold, normal, strict=True)),
+        tuple(-speed * n for n in normal),
+        (0.0, 0.0, 0.0),
     )

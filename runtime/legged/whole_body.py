@@ -18,7 +18,7 @@ from runtime.models.rotations import (
     matrix_of_quaternion,
     rotation_vector,
 )
-from runtime.models.vectors import skew, total_moment
+from runtime.models.vectors import skew, solve_three, total_moment
 from runtime.optimization.qp import QpSolver
 from runtime.signals import BodyState, ContactForces, Gait, JointCommand, JointState
 
@@ -159,7 +159,7 @@ class WholeBodyLaw:
         turning, moving = np.zeros((3, 3)), np.zeros((3, 3))
         turning[:, 0] = rotation_vector(plane @ rotation.T)
         turning[2, 1] = forces.reference_yaw_rate
-        turning[:, 2] = np.linalg.solve(model.inertia, total_moment(points - model.center_of_mass, planned))
+        turning[:, 2] = solve_three(model.inertia, total_moment(points - model.center_of_mass, planned))
         turning[:, 2] += config.rotation_stiffness * turning[:, 0] + config.rotation_damping * (turning[:, 1] - spin)
 
         velocity = forces.reference_velocity

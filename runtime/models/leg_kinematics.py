@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinematics of the four legs in the trunk frame, in closed form and all legs at once (paper 000, eq 1 corrected)."""
+"""Kinematics of the four legs in the trunk frame, in closed form (paper 000, eq 1 corrected).
+
+Written in plain numbers: for matrices this small that is several times faster than array operations.
+"""
 
 from __future__ import annotations
 
+from math import cos, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -36,38 +40,58 @@ class LegKinematics:
         self._hips = description.hip_positions()
         self._lateral = LEFT * description.abad_length_m
         self._thigh, self._shank = description.thigh_length_m, description.shank_length_m
+        self._roots = [(*hip, side) for hip, side in zip(self._hips.tolist(), self._lateral.tolist(), strict=True)]
 
     def forward(self, angles: Array, rates: Array) -> LegState:
         """Feet at joint angles and rates (12,)."""
-        q, dq = angles.reshape(4, 3), rates.reshape(4, 3)
-        pitch = q[:, 1] + q[:, 2]
-        sine, cosine = np.sin(q), np.cos(q)
-        s1, c1 = sine[:, 0], cosine[:, 0]
-        shank_x, shank_z = self._shank * np.sin(pitch), self._shank * np.cos(pitch)
-        x = self._thigh * sine[:, 1] + shank_x
-        reach = self._thigh * cosine[:, 1] + shank_z
-        position = np.empty((4, 3))
-        position[:, 0] = x
-        position[:, 1] = self._lateral * c1 + s1 * reach
-        position[:, 2] = self._lateral * s1 - c1 * reach
-        jacobian = np.empty((4, 3, 3))
-        jacobian[:, 0, 0] = 0.0
-        jacobian[:, 1, 0] = -position[:, 2]
-        jacobian[:, 2, 0] = position[:, 1]
-        jacobian[:, 0, 1] = reach
-        jacobian[:, 1, 1] = -s1 * x
-        jacobian[:, 2, 1] = c1 * x
-        jacobian[:, 0, 2] = shank_z
-        jacobian[:, 1, 2] = -s1 * shank_x
-        jacobian[:, 2, 2] = c1 * shank_x
-        velocity = np.matmul(jacobian, dq[:, :, None])[:, :, 0]
-        swing = dq[:, 1] + dq[:, 2]
-        shank_rate = np.empty((4, 3))
-        shank_rate[:, 0] = dq[:, 0]
-        shank_rate[:, 1] = -c1 * swing
-        shank_rate[:, 2] = -s1 * swing
-        position += self._hips
-        return LegState(position, jacobian, velocity, shank_rate)
+        q, dq = angles.tolist(), rates.tolist()
+        numbers = []
+        for leg, root in enumerate(self._roots):
+            numbers.append(self._leg(root, *q[3 * leg : 3 * leg + 3], *dq[3 * leg : 3 * leg + 3]))
+        table = np.array(numbers)
+        return LegState(table[:, :3], table[:, 3:12].reshape(4, 3, 3), table[:, 12:15], table[:, 15:])
+
+    def _leg(
+        self,
+        root: tuple[float, float, float, float],
+        abad: float,
+        hip: float,
+        knee: float,
+        abad_rate: float,
+        hip_rate: float,
+        knee_rate: float,
+    ) -> tuple[float, ...]:
+        """One leg: position, row-major Jacobian, velocity and shank rate, 18 numbers."""
+        root_x, root_y, root_z, lateral = root
+        pitch = hip + knee
+        s1, c1 = sin(abad), cos(abad)
+        shank_x, shank_z = self._shank * sin(pitch), self._shank * cos(pitch)
+        x = self._thigh * sin(hip) + shank_x
+        reach = self._thigh * cos(hip) + shank_z
+        y, z = lateral * c1 + s1 * reach, lateral * s1 - c1 * reach
+        j11, j12 = -s1 * x, -s1 * shank_x
+        j21, j22 = c1 * x, c1 * shank_x
+        swing = hip_rate + knee_rate
+        return (
+            root_x + x,
+            root_y + y,
+            root_z + z,
+            0.0,
+            reach,
+            shank_z,
+            -z,
+            j11,
+            j12,
+            y,
+            j21,
+            j22,
+            reach * hip_rate + shank_z * knee_rate,
+            -z * abad_rate + j11 * hip_rate + j12 * knee_rate,
+            y * abad_rate + j21 * hip_rate + j22 * knee_rate,
+            abad_rate,
+            -c1 * swing,
+            -s1 * swing,
+        )
 
     def inverse(self, feet: Array) -> Array:
         """Joint angles (12,) that put the foot centres at `feet` (4, 3); out-of-reach points are drawn to the nearest reach."""

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from runtime.models.quadruped import AXES, FEET, LEFT, Link, Quadruped
-from runtime.models.vectors import cross, skews
+from runtime.models.vectors import cross, skew, skews
 
 Array = npt.NDArray[np.float64]
 GRAVITY = 9.81
@@ -69,7 +69,10 @@ class RigidBody:
         self._v = np.zeros(18)
         self._zero = np.zeros(18)
         self._to_local = np.eye(18)
-        self._levers = np.zeros((4, 3))
+        self._jacobians = np.zeros((4, 3, 18))
+        self._jacobians[:, :, :3] = np.eye(3)
+        self._trunk_columns = self._jacobians[:, :, 3:6]
+        self._leg_blocks = [self._jacobians[foot, :, 6 + 3 * foot : 9 + 3 * foot] for foot in range(4)]
         self.velocity = np.zeros(18)
         self.mass_matrix = np.zeros((18, 18))
         self.bias = np.zeros(18)
@@ -111,26 +114,25 @@ class RigidBody:
         mass = data.M
         self.mass_matrix = to_local.T @ mass @ to_local
         self.bias = to_local.T @ (data.nle - mass[:, :3] @ drift)
-        self.center_of_mass = data.com[0].copy()
-        self.com_velocity = data.vcom[0].copy()
+        self.center_of_mass, self.com_velocity = data.com[0].copy(), data.vcom[0].copy()
         self.inertia = data.Ig.inertia
         # forwardKinematics was given zero *spatial* trunk acceleration, which is a classical acceleration w x v
         base_drift = rotation @ drift
-        for foot, frame in enumerate(self._feet):
-            self.foot_position[foot] = data.oMf[frame].translation
-            acceleration = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-            self.foot_drift[foot] = acceleration.linear
-            self.shank_drift[foot] = acceleration.angular
-        self.foot_drift -= base_drift
+        moved = [
+            pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED) for frame in self._feet
+        ]
+        self.foot_position = np.array([data.oMf[frame].translation for frame in self._feet])
+        self.foot_drift = np.array([motion.linear for motion in moved]) - base_drift
+        self.shank_drift = np.array([motion.angular for motion in moved])
 
     def point_jacobians(self, points: Array) -> Array:
-        """Jacobians (4, 3, 18) of four points (4, 3) in odom, each fixed to the shank of its leg."""
-        columns = self.data.J[:, 6:].reshape(6, 4, 3)
-        linear, angular = columns[:3].transpose(1, 0, 2), columns[3:].transpose(1, 0, 2)
-        jacobians = np.zeros((4, 3, 18))
-        jacobians[:, :, :3] = np.eye(3)
-        jacobians[:, :, 3:6] = -skews(points - self._q[:3])
-        legs = linear - skews(points) @ angular
-        for foot in range(4):
-            jacobians[foot, :, 6 + 3 * foot : 9 + 3 * foot] = legs[foot]
-        return jacobians
+        """Jacobians (4, 3, 18) of four points (4, 3) in odom, each fixed to the shank of its leg.
+
+        The array is overwritten by the next call.
+        """
+        columns = self.data.J[:, 6:].reshape(2, 3, 4, 3)
+        arms = skews(points)
+        self._trunk_columns[...] = skew(self._q[:3]) - arms
+        for foot, block in enumerate(self._leg_blocks):
+            block[...] = columns[0, :, foot] - arms[foot] @ columns[1, :, foot]
+        return self._jacobians

@@ -8,8 +8,6 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from runtime.models.vectors import cross
-
 Array = npt.NDArray[np.float64]
 
 
@@ -76,13 +74,11 @@ def rotation_z(yaw: float) -> Array:
 
 def rotation_vector(rotation: Array) -> Array:
     """SO(3) logarithm: the rotation vector of a rotation matrix (angle below pi)."""
-    axis = np.array(
-        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
-    )
-    cosine = 0.5 * (rotation[0, 0] + rotation[1, 1] + rotation[2, 2] - 1.0)
-    angle = math.acos(max(-1.0, min(1.0, cosine)))
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation.tolist()
+    angle = math.acos(max(-1.0, min(1.0, 0.5 * (xx + yy + zz - 1.0))))
     sine = math.sin(angle)
-    return axis * (0.5 if angle < 1e-6 or sine < 1e-9 else 0.5 * angle / sine)
+    scale = 0.5 if angle < 1e-6 or sine < 1e-9 else 0.5 * angle / sine
+    return np.array([scale * (zy - yz), scale * (xz - zx), scale * (yx - xy)])
 
 
 def wrapped(angle: float) -> float:
@@ -92,7 +88,15 @@ def wrapped(angle: float) -> float:
 
 def aligned_with_plane(yaw: float, normal: Array) -> Array:
     """Rotation (3, 3) whose z axis is the plane's normal and whose x axis has the given heading, seen from above."""
-    forward = np.array([math.cos(yaw), math.sin(yaw), 0.0])
-    lateral = cross(normal, forward)
-    lateral /= math.sqrt(float(lateral @ lateral))
-    return np.array((cross(lateral, normal), lateral, normal)).T.copy()
+    c, s = math.cos(yaw), math.sin(yaw)
+    nx, ny, nz = normal.tolist()
+    lx, ly, lz = -nz * s, nz * c, nx * s - ny * c
+    scale = 1.0 / math.sqrt(lx * lx + ly * ly + lz * lz)
+    lx, ly, lz = lx * scale, ly * scale, lz * scale
+    return np.array(
+        [
+            [ly * nz - lz * ny, lx, nx],
+            [lz * nx - lx * nz, ly, ny],
+            [lx * ny - ly * nx, lz, nz],
+        ]
+    )

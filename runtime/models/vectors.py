@@ -34,11 +34,20 @@ def skews(vectors: Array) -> Array:
 
 def total_moment(arms: Array, forces: Array) -> Array:
     """Sum of arm x force over the rows of two arrays (n, 3)."""
-    products = arms.T @ forces
+    (_, xy, xz), (yx, _, yz), (zx, zy, _) = (arms.T @ forces).tolist()
+    return np.array([yz - zy, zx - xz, xy - yx])
+
+
+def solve_three(matrix: Array, right: Array) -> Array:
+    """Solution x of matrix x = right, 3 by 3 and regular, by cofactors."""
+    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
+    x, y, z = right.tolist()
+    ei, fg, dh = e * i - f * h, f * g - d * i, d * h - e * g
+    scale = 1.0 / (a * ei + b * fg + c * dh)
     return np.array(
         [
-            products[1, 2] - products[2, 1],
-            products[2, 0] - products[0, 2],
-            products[0, 1] - products[1, 0],
+            scale * (ei * x + (c * h - b * i) * y + (b * f - c * e) * z),
+            scale * (fg * x + (a * i - c * g) * y + (c * d - a * f) * z),
+            scale * (dh * x + (b * g - a * h) * y + (a * e - b * d) * z),
         ]
     )

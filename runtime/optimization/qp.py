@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import importlib.machinery
 import importlib.util
+import math
 from functools import cache
 from typing import Any, NamedTuple, Protocol
 
@@ -64,12 +65,17 @@ def relative_residual(
     variables = x.shape[0]
     stationarity = hessian @ x + gradient + multipliers[:variables] + multipliers[variables:] @ constraints
     values = np.concatenate((x, constraints @ x))
-    violation = np.maximum(values - upper, lower - values).max()
+    violation = float(np.maximum(values - upper, lower - values).max())
     residual = max(
         float(np.abs(stationarity).max()) / (1.0 + float(np.abs(gradient).max())),
-        float(violation) / (1.0 + float(np.abs(values).max())),
+        violation / (1.0 + float(np.abs(values).max())),
     )
-    return residual if np.isfinite(residual) else float("inf")
+    return residual if math.isfinite(residual) else math.inf
+
+
+def _is_finite(hessian: Array, gradient: Array) -> bool:
+    """Whether the data are finite (a sum of finite numbers of the sizes that occur is)."""
+    return math.isfinite(float(hessian.sum() + gradient.sum()))
 
 
 class Daqp:
@@ -82,8 +88,8 @@ class Daqp:
         self, hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array, guess: Array | None = None
     ) -> QpSolution:
         """Solve; see `QpSolver`."""
-        if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
-            return QpSolution(np.zeros_like(gradient), False, float("inf"), 0, float("nan"))
+        if not _is_finite(hessian, gradient):
+            return QpSolution(np.zeros_like(gradient), False, math.inf, 0, math.nan)
         x, cost, flag, info = daqp.solve(
             hessian,
             gradient,
@@ -94,7 +100,7 @@ class Daqp:
             iter_limit=self._iteration_limit,
         )
         if flag <= 0:
-            return QpSolution(x, False, float("inf"), int(info["iterations"]), float(cost))
+            return QpSolution(x, False, math.inf, int(info["iterations"]), float(cost))
         residual = relative_residual(x, info["lam"], hessian, gradient, constraints, lower, upper)
         return QpSolution(x, residual < RESIDUAL_TOLERANCE, residual, int(info["iterations"]), float(cost))
 
@@ -126,8 +132,8 @@ class Proxqp:
     ) -> QpSolution:
         """Solve; see `QpSolver`."""
         variables = gradient.shape[0]
-        if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
-            return QpSolution(np.zeros(variables), False, float("inf"), 0, float("nan"))
+        if not _is_finite(hessian, gradient):
+            return QpSolution(np.zeros(variables), False, math.inf, 0, math.nan)
         rows = np.vstack((np.eye(variables), constraints))
         dense = self._module.proxqp.dense
         result = dense.solve_no_gil(

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from runtime.recording import run_data, setup
+from runtime.recording.counters import counters
 from runtime.recording.errors import LogError, RecordingError
 from runtime.recording.run_data import RunData, load_run
 from runtime.signals import Fault, Mode
@@ -58,6 +59,7 @@ def report(data: RunData) -> str:
             for what, value in _cards(data)
         ),
         warnings=_warning_section(warnings(data)),
+        counters=_counter_section(counters(data)),
         figures=sections,
         summary=_tables(list(_flat(data.summary))),
         log=_tables(_log_rows(data)),
@@ -95,19 +97,22 @@ def _safety_warnings(data: RunData) -> list[str]:
     safety = data.signals.get(run_data.SAFETY)
     if safety is None:
         return []
-    said, last = [], safety.values[-1]
+    said = []
     damped = np.flatnonzero(safety.values["mode"] == Mode.DAMPED)
     if len(damped):
         at = safety.log_ns[damped[0]] / 1e9
         said.append(f"The robot was damped at {at:.2f} s: {_fault_names(int(safety.values['fault'][damped[0]]))}.")
+    on = safety.values["mode"] != Mode.OFF
     for bit in Fault:
-        hit = np.flatnonzero(safety.values["warning"] & int(bit))
+        hit = np.flatnonzero(on & (safety.values["warning"] & int(bit) != 0))
         if bit and len(hit):
-            name = _fault_names(int(bit))
-            said.append(f"Warning of {name} in {len(hit)} ticks, first at {safety.log_ns[hit[0]] / 1e9:.2f} s.")
-    if last["limited"]:
-        said.append(f"{int(last['limited'])} commands were altered by a limit.")
+            name, ticks = _fault_names(int(bit)), _counted(len(hit), "tick")
+            said.append(f"Warning of {name} in {ticks}, first at {safety.log_ns[hit[0]] / 1e9:.2f} s.")
     return said
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _loop_warnings(data: RunData) -> list[str]:
@@ -125,7 +130,8 @@ def _loop_warnings(data: RunData) -> list[str]:
         elif over:
             said.append(
                 f"Loop {loop.name}: {over} of {len(rows)} ticks took more wall time than the budget of "
-                f"{loop.budget_ns / 1e6:g} ms."
+                f"{loop.budget_ns / 1e6:g} ms, which slows a simulation and changes nothing in it; on the robot their "
+                f"results would be late."
             )
     return said
 
@@ -214,6 +220,19 @@ def _tables(rows: list[tuple[str, str]]) -> str:
         "<table>" + "".join(f"<tr><td>{escape(k)}</td><td>{escape(v)}</td></tr>" for k, v in part) + "</table>"
         for part in (rows[:half], rows[half:])
         if part
+    )
+
+
+def _counter_section(counted: list[tuple[int, str]]) -> str:
+    if not counted:
+        return ""
+    rows = "".join(
+        f'<tr class="{"some" if total else "none"}"><td>{total or "no"}</td><td>{escape(sentence)}</td></tr>'
+        for total, sentence in counted
+    )
+    return (
+        "<section><h2>Counted</h2><p>What the robot bridged, limited or rejected on the way, since the start.</p>"
+        f'<table class="counted">{rows}</table></section>'
     )
 
 

@@ -134,7 +134,8 @@ def _map(data: RunData) -> ReportFigure | None:
             image = axes.imshow(
                 heights * scale, extent=extent, origin="lower", cmap="YlGnBu_r", alpha=0.45, interpolation="nearest"
             )
-            figure.colorbar(image, ax=axes, label=f"terrain height ({unit})", shrink=0.8, pad=0.015)
+            if np.ptp(heights) > 0.0:
+                figure.colorbar(image, ax=axes, label=f"terrain height ({unit})", shrink=0.8, pad=0.015)
     if len(data.path_points):
         axes.plot(*data.path_points.T, color=_INK, linewidth=2.2, linestyle=(0, (4, 2)), label="desired path")
     chosen = run_data.every(data.signals[data.pose_topic].log_ns, 20_000_000)
@@ -142,7 +143,7 @@ def _map(data: RunData) -> ReportFigure | None:
     axes.plot(*position[0, :2], "o", color=_GREEN, markersize=7, label="start")
     axes.plot(*position[-1, :2], "s", color=_RED, markersize=6, label="end")
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x (m)", ylabel="y (m)")
-    axes.legend(loc="best", frameon=True, framealpha=0.85, edgecolor="none")
+    axes.legend(loc="lower left", ncols=4, bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
     whose = "true" if data.pose_topic == run_data.TRUTH else "estimated (the log has no true)"
     ground = " over the terrain's height" if data.terrain is not None else ""
     return ReportFigure("Path", f"Desired path and {whose} path of the trunk{ground}.", _svg(figure))
@@ -152,8 +153,9 @@ def _path_errors(data: RunData) -> ReportFigure | None:
     seen = data.against_path
     if seen is None:
         return None
-    figure, axes = _stack(3)
+    figure, axes = _stack(4)
     rows = (
+        ("lateral error (cm)", 100 * seen.projection.lateral_error, _VIOLET),
         ("x error (cm)", 100 * seen.x_error, _BLUE),
         ("y error (cm)", 100 * seen.y_error, _ORANGE),
         ("yaw error (deg)", np.degrees(seen.projection.heading_error), _GREEN),
@@ -234,14 +236,19 @@ def _look_ahead(data: RunData) -> ReportFigure | None:
     command = data.signals.get(run_data.BODY_COMMAND)
     if command is None:
         return None
-    t, rows = command.log_ns / 1e9, command.values
-    figure, axes = _stack(2)
-    _line(axes[0], t, rows["k_v"], "$k_v$", _BLUE)
-    _line(axes[0], t, rows["k_w"], "$k_w$", _ORANGE)
-    axes[0].set_ylabel("coefficients")
-    _legend(axes[0])
-    _line(axes[1], t, rows["look_ahead"], "look-ahead", _GREEN)
-    axes[1].set_ylabel("look-ahead (m)")
+    followed = command.values["look_ahead"] > 0.0
+    if not followed.any():
+        return None
+    t, rows = command.log_ns[followed] / 1e9, command.values[followed]
+    figure, axes = _stack(3)
+    panels = (
+        ("$k_v$", rows["k_v"], _BLUE),
+        ("$k_w$", rows["k_w"], _ORANGE),
+        ("look-ahead (m)", rows["look_ahead"], _GREEN),
+    )
+    for panel, (label, values, color) in zip(axes, panels, strict=True):
+        _line(panel, t, values, label, color)
+        panel.set_ylabel(label)
     return ReportFigure(
         "Look-ahead",
         "Coefficients k_v and k_w of the fuzzy look-ahead (eq 17) and the distance they make.",
@@ -253,10 +260,14 @@ def _estimate(data: RunData) -> ReportFigure | None:
     truth, body = data.signals.get(run_data.TRUTH), data.signals.get(run_data.BODY_STATE)
     if truth is None or body is None:
         return None
-    t = body.log_ns / 1e9
-    at = np.clip(np.searchsorted(truth.log_ns, body.log_ns, side="right") - 1, 0, None)
-    gap = 100 * (body.values["position"] - truth.values["position"][at])
-    turn = yaw_of(body.values["orientation"]) - yaw_of(truth.values["orientation"][at])
+    started = body.values["stamp_ns"] > 0
+    if not started.any():
+        return None
+    log_ns, estimate = body.log_ns[started], body.values[started]
+    t = log_ns / 1e9
+    at = np.clip(np.searchsorted(truth.log_ns, log_ns, side="right") - 1, 0, None)
+    gap = 100 * (estimate["position"] - truth.values["position"][at])
+    turn = yaw_of(estimate["orientation"]) - yaw_of(truth.values["orientation"][at])
     figure, axes = _stack(2)
     for axis, color in enumerate((_BLUE, _ORANGE, _GREEN)):
         _line(axes[0], t, gap[:, axis], "xyz"[axis], color, 0.9)

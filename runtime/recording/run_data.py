@@ -26,7 +26,19 @@ Array = npt.NDArray[np.float64]
 
 TRUTH, BODY_STATE, BODY_COMMAND = "/ugv/truth", "/ugv/body_state", "/ugv/body_command"
 JOINT_STATE, JOINT_COMMAND, PATH, SAFETY = "/ugv/joint_state", "/ugv/joint_command", "/ugv/path", "/ugv/safety"
-_SIGNALS = (TRUTH, BODY_STATE, BODY_COMMAND, JOINT_STATE, JOINT_COMMAND, PATH, SAFETY)
+GAIT, CONTACT_FORCES, CAN_RECEIVED = "/ugv/gait", "/ugv/contact_forces", "/ugv/can_received"
+_SIGNALS = (
+    TRUTH,
+    BODY_STATE,
+    BODY_COMMAND,
+    JOINT_STATE,
+    JOINT_COMMAND,
+    PATH,
+    SAFETY,
+    GAIT,
+    CONTACT_FORCES,
+    CAN_RECEIVED,
+)
 _PROJECTION_STEP_NS = 10_000_000
 
 

@@ -113,8 +113,8 @@ class SafetyTask(Task):
         if not is_finite(self._command):
             fault |= Fault.NON_FINITE_COMMAND
         margin = config.position_margin_rad
-        beyond = (joints.position < self._low - margin) | (joints.position > self._high + margin)
-        if self.state.mode in POWERED and beyond.any():
+        beyond = np.maximum(joints.position - self._high, self._low - joints.position)
+        if self.state.mode in POWERED and not float(beyond.max()) <= margin:
             fault |= Fault.JOINT_POSITION
         if self._gait.walking and now_ns - self._forces.stamp_ns > config.forces_age_max_ns:
             fault |= Fault.STALE_FORCES
@@ -129,7 +129,8 @@ class SafetyTask(Task):
         effort = np.minimum(np.maximum(command.effort, -config.effort_max_nm), config.effort_max_nm)
         step = self._effort_step
         effort = np.minimum(np.maximum(effort, memory.effort - step), memory.effort + step)
-        memory.limited += int(np.count_nonzero(position != command.position) + np.count_nonzero(effort != command.effort))
+        limited = (position != command.position) | (effort != command.effort)
+        memory.limited += int(np.count_nonzero(limited))
         memory.effort = effort
         output.position, output.velocity, output.effort = position, command.velocity, effort
         output.stiffness, output.damping = command.stiffness, command.damping

@@ -73,8 +73,10 @@ def joint_bounds(config: SafetyConfig) -> tuple[Array, Array]:
 
 
 def tilt(orientation: Array) -> float:
-    """Angle between the trunk's z axis and the vertical, rad."""
-    x, y = float(orientation[0]), float(orientation[1])
+    """Angle between the trunk's z axis and the vertical, rad; NaN if the orientation is not finite."""
+    x, y, z, w = orientation.tolist()
+    if not math.isfinite(x + y + z + w):
+        return math.nan
     return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
 
 
@@ -82,30 +84,32 @@ def sensor_faults(
     config: SafetyConfig, now_ns: int, imu: Imu, joints: JointState, body: BodyState, voltage: float
 ) -> Fault:
     """What is wrong with the inputs."""
-    fault = Fault.NONE
-    if not (np.isfinite(imu.angular_velocity).all() and np.isfinite(imu.linear_acceleration).all()):
-        fault |= Fault.NON_FINITE_SENSOR
+    found = 0
+    if not math.isfinite(float(imu.angular_velocity.sum() + imu.linear_acceleration.sum())):
+        found |= Fault.NON_FINITE_SENSOR.value
     if now_ns - imu.stamp_ns > config.imu_age_max_ns:
-        fault |= Fault.STALE_IMU
-    oldest_ns = int(joints.reply_ns.min())
+        found |= Fault.STALE_IMU.value
+    oldest_ns = min(joints.reply_ns.tolist())
     if oldest_ns == 0 or now_ns - oldest_ns > config.motor_age_max_ns:
-        fault |= Fault.STALE_MOTOR
-    if joints.error.any():
-        fault |= Fault.MOTOR_FAULT
-    if np.nanmax(joints.temperature, initial=-np.inf) > config.temperature_max_degc:
-        fault |= Fault.TEMPERATURE
-    if np.abs(joints.velocity).max() > config.velocity_max_radps:
-        fault |= Fault.JOINT_VELOCITY
+        found |= Fault.STALE_MOTOR.value
+    if any(joints.error.tolist()):
+        found |= Fault.MOTOR_FAULT.value
+    limit = config.temperature_max_degc
+    if any(temperature > limit for temperature in joints.temperature.tolist()):
+        found |= Fault.TEMPERATURE.value
+    fastest = config.velocity_max_radps
+    if not all(-fastest <= velocity <= fastest for velocity in joints.velocity.tolist()):
+        found |= Fault.JOINT_VELOCITY.value
     if voltage > 0.0 and not config.voltage_min_v <= voltage <= config.voltage_max_v:
-        fault |= Fault.VOLTAGE
+        found |= Fault.VOLTAGE.value
     if body.localization_age_ns > config.localization_age_max_ns:
-        fault |= Fault.STALE_LOCALIZATION
-    if not np.isfinite(body.orientation).all() or tilt(body.orientation) > config.tilt_max_rad:
-        fault |= Fault.TILT
-    return fault
+        found |= Fault.STALE_LOCALIZATION.value
+    if not tilt(body.orientation) <= config.tilt_max_rad:
+        found |= Fault.TILT.value
+    return Fault(found)
 
 
 def is_finite(command: JointCommand) -> bool:
     """Whether every number of a command is finite."""
-    values = (command.position, command.velocity, command.effort, command.stiffness, command.damping)
-    return all(bool(np.isfinite(value).all()) for value in values)
+    total = command.position.sum() + command.velocity.sum() + command.effort.sum()
+    return math.isfinite(float(total + command.stiffness.sum() + command.damping.sum()))

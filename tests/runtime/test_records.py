@@ -112,7 +112,8 @@ def test_loading_gives_back_every_value_and_padding_stays_zero(case):
     for field in record.fields:
         offset = record.dtype.fields[field.name][1]
         used[offset : offset + np.dtype(field.kind.numpy).itemsize * field.count(record.sizes)] = True
-    assert (~used).sum() == 7 + 1 + 7 + 7 and not body[~used].any()
+    assert (~used).sum() == 7 + 1 + 3 + 7
+    assert not body[~used].any()
 
 
 def test_a_body_ends_with_its_last_field():
@@ -151,7 +152,7 @@ def test_a_body_of_wrong_length_is_refused_and_changes_nothing(body):
     before = record.to_bytes()
     if len(body) == record.cdr_size:
         body += b"\0"
-    with pytest.raises(ValueError, match=""):
+    with pytest.raises(ValueError, match="."):
         record.load(body)
     assert record.to_bytes() == before
 
@@ -159,7 +160,7 @@ def test_a_body_of_wrong_length_is_refused_and_changes_nothing(body):
 @pytest.mark.parametrize("value", [-1, 256])
 def test_a_number_that_does_not_fit_is_refused(value):
     record = Crooked("/test", {"joint": 4})
-    with pytest.raises(ValueError, match=""):
+    with pytest.raises(ValueError, match="."):
         record.a = value
 
 

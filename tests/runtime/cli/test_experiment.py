@@ -22,6 +22,7 @@ def summary_of(job: Job, completed: bool = True) -> dict[str, Any]:
         "scenario": job.scenario,
         "controller": job.controller,
         "completed": completed,
+        "fell": False,
         "completion_time_s": printed.time_s if completed else None,
         "tracking_error_m": {"mean": printed.mean_m, "std": printed.std_m},
         "lateral_error_m": {"rms": 0.01},

@@ -59,8 +59,8 @@ def test_arguments_reach_the_simulator(calls: list[dict[str, Any]], capsys: pyte
         "out": Path("here"),
     }
     out = capsys.readouterr().out
-    assert "lateral_error_m.mean" in out
-    assert "0.01235" in out
+    assert "mean 1.23, RMS 2.00 cm" in out
+    assert "completed" in out
     assert "report: here/report.html" in out
 
 
@@ -84,6 +84,12 @@ def test_what_is_not_said_has_its_default(calls: list[dict[str, Any]]) -> None:
 def test_the_outcome_is_the_exit_code(calls: list[dict[str, Any]], answer: dict[str, Any], code: int) -> None:
     sys.modules["sim_bridge.run"].answer.update(answer)
     assert cli.main(["sil", "uslgo1"]) == code
+
+
+def test_a_run_on_a_path_of_ones_own_is_named_after_its_file(calls: list[dict[str, Any]]) -> None:
+    assert cli.main(["sil", "uslgo1", "paths/yard.csv", "--seed", "2"]) == 0
+    assert calls[0]["scenario"] == "paths/yard.csv"
+    assert calls[0]["out"] == Path("runs/uslgo1-yard-2")
 
 
 def test_a_refused_configuration_leaves_no_directory(

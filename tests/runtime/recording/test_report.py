@@ -16,6 +16,7 @@ import pytest
 from runtime import signals
 from runtime.executors.lockstep import Lockstep
 from runtime.recording.bag import BagSink
+from runtime.recording.counters import counters
 from runtime.recording.errors import LogError, RecordingError
 from runtime.recording.log import Log
 from runtime.recording.report import write_report
@@ -46,6 +47,9 @@ class Walk(Task):
         self.body.position, self.body.orientation = (0.6 * t, 0.06, 0.3), (0.0, 0.0, 0.0, 1.0)
         self.truth.linear_velocity = (0.6, 0.0, 0.0)
         self.path.count, self.path.x = 2, (0.0, 3.0, 0, 0, 0, 0, 0, 0)
+        self.body.stamp_ns = now_ns
+        self.command.look_ahead, self.command.k_v = 1.2, 4.0
+        self.joints.rejected, self.safety.limited = int(t > 1.0), round(200 * t)
         self.joints.effort = np.sin(30 * t + np.arange(3))
         self.safety.mode = signals.Mode.ACTIVE if t < 1.5 else signals.Mode.DAMPED
         self.safety.fault = 0 if t < 1.5 else signals.Fault.TILT
@@ -110,10 +114,21 @@ def test_the_report_has_the_figures_of_the_paper(walked):
         "Estimate",
         "Loop times",
         "Safety",
+        "Counted",
         "Summary",
         "Log",
     ]
     assert "The robot was damped at 1.50 s: tilt." in text
+
+
+def test_what_is_counted_is_said_the_most_frequent_first(walked):
+    counted = counters(load_run(walked))
+    assert counted[0] == (400, "joint values of commands were altered by a limit")
+    assert counted[1] == (1, "CAN frame was rejected: wrong length, unknown id, error frame, or a value out of range")
+    assert (0, "paths were rejected") in counted
+    text = write_report(walked).read_text()
+    assert '<tr class="some"><td>400</td>' in text
+    assert '<tr class="none"><td>no</td><td>paths were rejected</td>' in text
 
 
 def test_errors_are_those_of_the_true_pose(walked):

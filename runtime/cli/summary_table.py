@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The summary of a run, for people; `summary.json` has the same figures under their keys."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from runtime.cli.console import print_table
+
+_CENTIMETRES, _DEGREES = 100.0, 180.0 / math.pi
+LOOPS = {"wbc": "WBC tick", "mpc": "MPC step"}
+
+
+def print_summary(summary: Mapping[str, Any]) -> None:
+    """Print a run's summary as a table; figures that the run does not have are left out."""
+    parts = ("robot", "scenario", "controller", "estimator")
+    title = " · ".join([*(str(summary[key]) for key in parts if key in summary), f"seed {summary.get('seed', 0)}"])
+    print_table(title, ("figure", "value"), list(summary_rows(summary)))
+
+
+def summary_rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Label and value of each line."""
+    yield "outcome", outcome(summary)
+    if summary.get("completion_time_s") is not None:
+        yield "time to the goal", f"{summary['completion_time_s']:.2f} s"
+    if summary.get("path_length_m") is not None:
+        yield "path length", f"{summary['path_length_m']:.2f} m"
+    speed = summary.get("speed_mps", {})
+    if speed.get("mean") is not None:
+        yield "mean speed", f"{speed['mean']:.3f} m/s, commanded {speed['commanded']:.3f} m/s"
+    for key, label, scale, unit in (
+        ("lateral_error_m", "lateral error", _CENTIMETRES, "cm"),
+        ("heading_error_rad", "heading error", _DEGREES, "degrees"),
+        ("tracking_error_m", "tracking error (eq 46, 47)", _CENTIMETRES, "cm"),
+    ):
+        figures = {name: value for name, value in summary.get(key, {}).items() if value is not None}
+        if figures:
+            yield label, _joined(figures, scale, unit)
+    if "push" in summary:
+        yield "push", _push(summary["push"])
+    for name, label in LOOPS.items():
+        if f"{name}_ms" in summary:
+            yield label, _joined(summary[f"{name}_ms"], 1.0, "ms")
+    missed = summary.get("missed_deadlines", {})
+    if missed:
+        yield "longer than their period", ", ".join(f"{count} of {name}" for name, count in missed.items())
+    if {"sim_time_s", "wall_time_s", "realtime_factor"} <= summary.keys():
+        factor = f"{summary['realtime_factor']:.2f} times real time"
+        yield "simulated", f"{summary['sim_time_s']:.2f} s in {summary['wall_time_s']:.2f} s: {factor}"
+
+
+def outcome(summary: Mapping[str, Any]) -> str:
+    """Whether it got there, and what went wrong."""
+    words = ["completed"]
+    if not summary.get("completed"):
+        late = summary.get("completion_time_s") is not None
+        words = ["NOT completed: arrived too late" if late else "NOT completed"]
+    if summary.get("fell"):
+        words.append("FELL")
+    if summary.get("fault"):
+        words.append(f"FAULT {summary['fault']}")
+    return ", ".join(words)
+
+
+def _joined(figures: Mapping[str, float], scale: float, unit: str) -> str:
+    names = {"rms": "RMS", "p99": "p99"}
+    shown = (f"{names.get(name, name)} {_three_digits(value * scale)}" for name, value in figures.items())
+    return f"{', '.join(shown)} {unit}"
+
+
+def _three_digits(value: float) -> str:
+    return f"{value:.2f}" if abs(value) < 100.0 else f"{value:.0f}"
+
+
+def _push(push: Mapping[str, Any]) -> str:
+    words = ["withstood" if push["passed"] else "NOT withstood"]
+    words.append("back at speed in 3 s" if push["back_at_speed"] else "NOT back at speed in 3 s")
+    if push.get("displacement_m") is not None:
+        words.append(f"displaced by up to {push['displacement_m'] * _CENTIMETRES:.1f} cm")
+    if push.get("distance_later_m") is not None:
+        words.append(f"{push['distance_later_m'] * _CENTIMETRES:.1f} cm off 5 s later")
+    return ", ".join(words)
