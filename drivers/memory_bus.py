@@ -10,29 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import IntEnum
-from functools import lru_cache
-from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from drivers.can_frame import (
-    CAN_EFF_FLAG,
-    CAN_FRAME,
-    CAN_RTR_FLAG,
-    FRAME_SIZE,
-    Frames,
-    arbitration_priority,
-    max_frame_bits,
-)
+from drivers.bus_timing import Timetable
+from drivers.can_frame import CAN_FRAME, FRAME_SIZE, FRAME_WORDS, Frames
 from drivers.errors import DriverConfigError, FrameError
 
 QUEUE_CAPACITY = 128
 """Frames that one end may have waiting on one bus: the transmit queue length set on the robot."""
 
-
-NS_PER_SECOND = 1_000_000_000
+_OPAQUE = np.dtype((np.void, FRAME_SIZE))
+"""A frame as 16 bytes without parts: numpy copies these five times as fast as records."""
 
 
 class End(IntEnum):
@@ -43,7 +34,8 @@ class End(IntEnum):
 
 
 Tamper = Callable[[End, int, int, bytes], "bytes | None"]
-"""Called with (sender, bus, arrival_ns, frame); returns the 16 bytes to deliver, or None to destroy the frame."""
+"""Called with (sender, bus, arrival_ns, frame) when a frame is received; returns the 16 bytes to deliver, or None to
+destroy the frame."""
 
 
 class Received(NamedTuple):
@@ -51,7 +43,7 @@ class Received(NamedTuple):
 
     Attributes:
         frames: (n,) of dtype `CAN_FRAME`.
-        bus: (n,) bus index of each.
+        bus: (n,) bus index of each; read only.
         arrival_ns: (n,) when each was complete.
     """
 
@@ -61,23 +53,6 @@ class Received(NamedTuple):
 
 
 _NOTHING = Received(np.zeros(0, CAN_FRAME), np.zeros(0, np.uint8), np.zeros(0, np.int64))
-
-
-_Waiting = tuple[int, int, int, End, bytes, int]
-"""A frame before its transmission: priority, order of sending, duration, sender, bytes, time from which it contends."""
-
-_READY = itemgetter(5)
-
-
-class _Wire:
-    """One bus: who waits, how many of each end, and when the bus falls free."""
-
-    __slots__ = ("free_ns", "queued", "waiting")
-
-    def __init__(self) -> None:
-        self.free_ns = 0
-        self.waiting: list[_Waiting] = []
-        self.queued = [0, 0]
 
 
 class MemoryBus:
@@ -104,12 +79,10 @@ class MemoryBus:
         if not 1 <= buses <= 256 or bit_rate <= 0:
             raise DriverConfigError(f"{buses} buses at {bit_rate} bit/s: there must be 1 to 256 at a positive rate")
         self.tamper = tamper
-        self._queue_capacity, self._receive_capacity = queue_capacity, receive_capacity
-        self._wires = [_Wire() for _ in range(buses)]
-        self._arrived: tuple[list[tuple[int, int, int, bytes]], ...] = ([], [])
+        self._timetable = Timetable(buses, bit_rate, queue_capacity, receive_capacity)
+        self._situation, self._reference_ns = self._timetable.start, 0
+        self._held = np.zeros(0, _OPAQUE)
         self._lost = [0, 0]
-        self._sequence = 0
-        self._airtime = _airtimes(bit_rate)
 
     def send(self, end: End, bus: npt.NDArray[np.uint8], frames: Frames, at_ns: int | npt.NDArray[np.int64]) -> None:
         """Queue frames.
@@ -121,26 +94,21 @@ class MemoryBus:
             at_ns: when they are handed to the bus; one time, or one for each.
 
         Raises:
-            FrameError: if a bus does not exist.
+            FrameError: if a bus does not exist; then none of them is queued.
         """
-        raw, sequence = frames.tobytes(), self._sequence
-        times = [at_ns] * len(frames) if isinstance(at_ns, int) else at_ns.tolist()
-        begin = 0
-        for index, can_id, length, ready_ns in zip(
-            bus.tolist(), frames["can_id"].tolist(), frames["length"].tolist(), times, strict=True
-        ):
-            if index >= len(self._wires):
-                raise FrameError(f"there is no bus {index}: {len(self._wires)} buses are configured")
-            wire, frame = self._wires[index], raw[begin : begin + FRAME_SIZE]
-            begin += FRAME_SIZE
-            if wire.queued[end] >= self._queue_capacity:
-                self._lost[end] += 1
-                continue
-            wire.queued[end] += 1
-            sequence += 1
-            priority, duration_ns = self._airtime(can_id, length)
-            wire.waiting.append((priority, sequence, duration_ns, end, frame, ready_ns))
-        self._sequence = sequence
+        ready = at_ns - self._reference_ns
+        self._situation, accepted, lost = self._timetable.send(
+            self._situation,
+            int(end),
+            frames.view(FRAME_WORDS)["head"].tobytes(),
+            bus.tobytes(),
+            ready if isinstance(ready, int) else ready.tobytes(),
+        )
+        added = frames.view(_OPAQUE)
+        if accepted is not None:
+            added = added[accepted]
+            self._lost[end] += lost
+        self._held = np.concatenate((self._held, added))
 
     def receive(self, end: End, until_ns: int, limit: int | None = None) -> Received:
         """Let the buses work until `until_ns` and take what has arrived at an end by then.
@@ -150,75 +118,31 @@ class MemoryBus:
             until_ns: ns.
             limit: at most so many frames, the oldest; the rest stays.
         """
-        for index, wire in enumerate(self._wires):
-            if wire.waiting:
-                self._carry(index, wire, until_ns)
-        arrived = self._arrived[end]
-        if not arrived:
+        if self._situation.idle:
             return _NOTHING
-        arrived.sort()
-        count = len(arrived)
-        while count and arrived[count - 1][0] > until_ns:
-            count -= 1
-        if limit is not None:
-            count = min(count, limit)
-        taken = arrived[:count]
-        del arrived[:count]
-        if not taken:
-            return _NOTHING
-        times, buses, _, frames = zip(*taken, strict=True)
-        return Received(
-            np.frombuffer(b"".join(frames), CAN_FRAME), np.array(buses, np.uint8), np.array(times, np.int64)
+        reference_ns, held = self._reference_ns, self._held
+        self._situation, taken, bus, arrival_ns, kept, lost = self._timetable.receive(
+            self._situation, int(end), until_ns - reference_ns, limit
         )
+        self._reference_ns, self._held = until_ns, held[kept]
+        for sufferer in End:
+            self._lost[sufferer] += lost[sufferer]
+        received = Received(held[taken].view(CAN_FRAME), bus, arrival_ns + reference_ns)
+        return received if self.tamper is None else self._tampered(End(1 - end), received, self.tamper)
 
     def lost(self, end: End) -> int:
         """Frames lost since start for lack of room in this end's queues."""
         return self._lost[end]
 
-    def _carry(self, index: int, wire: _Wire, until_ns: int) -> None:
-        """Complete every transmission that ends by `until_ns`."""
-        waiting, taken = wire.waiting, 0
-        contending: list[_Waiting] = []
-        waiting.sort(key=_READY)
-        free_ns = wire.free_ns
-        while contending or taken < len(waiting):
-            start_ns = free_ns if contending else max(free_ns, waiting[taken][5])
-            if taken < len(waiting) and waiting[taken][5] <= start_ns:
-                while taken < len(waiting) and waiting[taken][5] <= start_ns:
-                    contending.append(waiting[taken])
-                    taken += 1
-                contending.sort(reverse=True)
-            _, sequence, duration_ns, sender, frame, _ = contending[-1]
-            if start_ns + duration_ns > until_ns:
-                break
-            free_ns = start_ns + duration_ns
-            contending.pop()
-            wire.queued[sender] -= 1
-            self._deliver(sender, index, free_ns, sequence, frame)
-        wire.free_ns = free_ns
-        wire.waiting = contending + waiting[taken:]
-
-    def _deliver(self, sender: End, index: int, arrival_ns: int, sequence: int, frame: bytes) -> None:
-        if self.tamper is not None:
-            changed = self.tamper(sender, index, arrival_ns, frame)
+    @staticmethod
+    def _tampered(sender: End, received: Received, tamper: Tamper) -> Received:
+        delivered, rows = [], []
+        for row, (frame, bus, arrival_ns) in enumerate(zip(*received, strict=True)):
+            changed = tamper(sender, int(bus), int(arrival_ns), frame.tobytes())
             if changed is None:
-                return
+                continue
             if len(changed) != FRAME_SIZE:
                 raise FrameError(f"tampering gave {len(changed)} bytes instead of {FRAME_SIZE}")
-            frame = changed
-        receiver = 1 - sender
-        if len(self._arrived[receiver]) < self._receive_capacity:
-            self._arrived[receiver].append((arrival_ns, index, sequence, frame))
-        else:
-            self._lost[receiver] += 1
-
-
-def _airtimes(bit_rate: int) -> Callable[[int, int], tuple[int, int]]:
-    """A remembered function from (can_id, length) to (priority, ns on the bus)."""
-
-    @lru_cache(maxsize=4096)
-    def airtime(can_id: int, length: int) -> tuple[int, int]:
-        bits = max_frame_bits(0 if can_id & CAN_RTR_FLAG else length, bool(can_id & CAN_EFF_FLAG))
-        return arbitration_priority(can_id), -(-bits * NS_PER_SECOND // bit_rate)
-
-    return airtime
+            delivered.append(changed)
+            rows.append(row)
+        return Received(np.frombuffer(b"".join(delivered), CAN_FRAME), received.bus[rows], received.arrival_ns[rows])

@@ -106,7 +106,9 @@ def _validated(raw: dict[str, Any], schema: type[AnyConfig], place: str) -> AnyC
     try:
         config = msgspec.convert(raw, schema, strict=True)
     except (msgspec.ValidationError, OverflowError) as error:
-        raise ConfigError(f"{place}: {one_line(str(error))}") from None
+        reason, _, at = str(error).partition(" - at `$")
+        key = at.rstrip("`").strip(".").replace("[", ".").replace("]", "")
+        raise ConfigError(f"{place}: {key + '.' if key else ''}{one_line(reason)}") from None
     _cross_check(config, place)
     return config
 

@@ -30,13 +30,16 @@ def run(options: argparse.Namespace) -> int:
     directory = existing_run(options.directory)
     from runtime.cli.console import progress_bar
     from runtime.configuration import parse_overrides
+    from runtime.recording.errors import LogError
     from runtime.recording.log import Log
     from runtime.recording.replay import Replay
     from runtime.recording.replay_result import Comparing
-    from runtime.robots import assemble
+    from runtime.robots import ROBOTS, assemble
 
     overrides = parse_overrides(options.assignments)
     log = Log(directory)
+    if log.robot not in ROBOTS:
+        raise LogError(f"{log.path} is a log of {log.robot or 'no robot'}; there is {', '.join(ROBOTS)}")
     loops = assemble(log.robot, log.config, overrides)
     replay = Replay(log, loops, log.robot, Comparing.CHANGE if overrides else None)
     with progress_bar(f"replay {directory}") as progress:

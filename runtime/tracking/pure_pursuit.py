@@ -32,19 +32,19 @@ def bearing(x: float, y: float, heading: float, target: tuple[float, float]) -> 
     return wrapped(math.atan2(target[1] - y, target[0] - x) - heading)
 
 
-def drift_angle(course_velocity: tuple[float, float], heading: float, yaw_rate: float, window_s: float) -> float:
+def drift_angle(course_velocity: tuple[float, float], heading: float, yaw_rate: float, lag_s: float) -> float:
     """Angle from the heading to the course, rad.
 
-    The course is an average over a gait cycle and so describes the heading of half a cycle ago.
+    The course is an average over about a gait cycle and so describes the heading of some time ago.
 
     Args:
         course_velocity: horizontal velocity averaged over a gait cycle, m/s, world.
         heading: now, rad.
         yaw_rate: rad/s.
-        window_s: length of the average, s.
+        lag_s: age of the average: half the length of a plain one, the time constant of a first-order one.
     """
     course = math.atan2(course_velocity[1], course_velocity[0])
-    return wrapped(course - (heading - 0.5 * window_s * yaw_rate))
+    return wrapped(course - (heading - lag_s * yaw_rate))
 
 
 def low_pass(previous: float, sample: float, dt: float, time_constant: float) -> float:

@@ -45,7 +45,7 @@ class TrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         drift_filter_s: time constant of the angle between heading and course.
         drift_limit_rad: bound on that angle.
         drift_minimum_mps: course speed below which the course is not trusted.
-        course_window_s: length of the average behind `BodyState.course_velocity` (a gait cycle).
+        course_lag_s: age of the average behind `BodyState.course_velocity`: its time constant.
         longest_step_s: a longer gap between steps counts as this.
     """
 
@@ -58,7 +58,7 @@ class TrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     drift_filter_s: Seconds = 1.0
     drift_limit_rad: Annotated[float, Meta(ge=0.0, le=0.8)] = 0.2
     drift_minimum_mps: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.15
-    course_window_s: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.4
+    course_lag_s: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.2
     longest_step_s: Seconds = 0.1
 
 
@@ -274,7 +274,7 @@ class PathTracker(Task):
         vx, vy = self._body.course_velocity.tolist()
         sample = 0.0
         if math.hypot(vx, vy) >= config.drift_minimum_mps and not state.turning:
-            sample = drift_angle((vx, vy), yaw, float(self._body.angular_velocity[2]), config.course_window_s)
+            sample = drift_angle((vx, vy), yaw, float(self._body.angular_velocity[2]), config.course_lag_s)
             if abs(sample) > math.pi / 2:
                 sample = 0.0
         sample = min(max(sample, -config.drift_limit_rad), config.drift_limit_rad)

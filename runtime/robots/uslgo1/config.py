@@ -10,6 +10,7 @@ import msgspec
 from drivers.bus_load import check_bus_load
 from drivers.dialects import Ranges, dialect_named
 from drivers.errors import DriverConfigError
+from drivers.joint_group import JointGroup
 from drivers.joints import Joint
 from runtime.errors import ConfigError
 from runtime.estimation.kalman_config import KalmanConfig
@@ -185,7 +186,7 @@ class Uslgo1Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """
         try:
             dialect = dialect_named(self.drives.dialect)
-            self.drives.joints(self.safety)
+            JointGroup(self.drives.joints(self.safety), dialect, self.drives.command_age_max_ns)
         except DriverConfigError as error:
             raise ConfigError(f"drives: {error}") from None
         for bus in range(self.drives.buses):
@@ -194,12 +195,29 @@ class Uslgo1Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 check_bus_load(dialect, count, self.loops.wbc_hz, self.drives.bit_rate_hz, bus=f"bus {bus}")
             except DriverConfigError as error:
                 raise ConfigError(f"loops.wbc_hz = {self.loops.wbc_hz}: {error}") from None
+        if self.mpc.force_min_n > self.mpc.force_max_n:
+            raise ConfigError(
+                f"mpc.force_min_n = {self.mpc.force_min_n:g} is above mpc.force_max_n = {self.mpc.force_max_n:g}"
+            )
+        step_ns = self.simulation.time_step_ns
+        if self.loops.wbc_period_ns % step_ns:
+            raise ConfigError(
+                f"simulation.time_step_ns = {step_ns} does not divide the fast loop's period of {self.loops.wbc_period_ns}"
+            )
+        for key in ("imu_rate_hz", "localization_rate_hz"):
+            rate = getattr(self.simulation, key)
+            if NS_PER_SECOND % (rate * step_ns):
+                raise ConfigError(f"simulation.{key} = {rate} gives a period that is no multiple of time_step_ns = {step_ns}")
         for key in ("height_m", "sitting_height_m"):
             height = getattr(self.posture, key)
             try:
                 self.quadruped.standing_angles(height)
             except ValueError as error:
                 raise ConfigError(f"posture.{key} = {height}: {error}") from None
+        if self.tracker.course_lag_s != self.kalman.course_time_s:
+            raise ConfigError(
+                f"tracker.course_lag_s = {self.tracker.course_lag_s} is not kalman.course_time_s = {self.kalman.course_time_s}"
+            )
         grid = self.mpc.steps * self.gait.stance_fraction
         if abs(grid - round(grid)) > 1e-9:
             raise ConfigError(

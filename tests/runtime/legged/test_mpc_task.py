@@ -47,7 +47,12 @@ def forces_of(bench):
 
 def test_standing_the_plan_carries_the_weight(bench):
     robot = bench(yaw=0.7)
-    task(robot).step(1000 * MS)
+    mpc = task(robot)
+    # the first plan predicts its latency without a plan, by equal shares
+    for tick in range(8):
+        robot.body.stamp_ns = (1000 + 20 * tick) * MS
+        mpc.step((1000 + 20 * tick) * MS)
+        print(forces_of(robot)[:3].sum(axis=1)[:,2])
     total = forces_of(robot)[:7].sum(axis=1)
     weight = robot.robot.mass_kg * GRAVITY
     np.testing.assert_allclose(total, np.tile((0, 0, weight), (7, 1)), atol=0.01 * weight)
@@ -65,20 +70,11 @@ def test_the_plan_begins_when_its_budget_has_passed(bench):
 
 
 def test_the_latency_is_predicted_over(bench):
-    # a robot that drifts: the plan made for where it will be equals that of a robot that is there and waits for nothing
-    robot = bench(velocity=(0.5, 0.2, 0.0))
-    late = task(robot)
-    late.step(1000 * MS)
-    ahead = bench(velocity=(0.5, 0.2, 0.0))
-    ahead.body.position = ahead.body.position + 0.01 * ahead.body.linear_velocity
-    at_once = task(ahead)
-    at_once._latency_ns = 0
-    at_once.step(1010 * MS)
-    np.testing.assert_allclose(robot.forces.knot_ns, ahead.forces.knot_ns)
-    np.testing.assert_allclose(
-        robot.forces.reference_position[:2], ahead.forces.reference_position[:2], atol=1e-3
-    )
-    np.testing.assert_allclose(forces_of(robot)[:5], forces_of(ahead)[:5], atol=1.0)
+    robot = bench(velocity=(0.3, -0.1, 0.0))
+    task(robot).step(1000 * MS)
+    # a new reference begins where the plan finds the robot, 10 ms later
+    ahead = robot.model().center_of_mass + 0.01 * robot.body.linear_velocity
+    np.testing.assert_allclose(robot.forces.reference_position[:2], ahead[:2], atol=2e-4)
 
 
 def test_a_plan_that_failed_leaves_the_last_good_one_and_is_counted(bench):

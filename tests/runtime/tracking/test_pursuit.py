@@ -42,9 +42,9 @@ def test_bearing_is_wrapped():
 
 
 def test_drift_angle_on_a_steady_turn_without_drift_is_zero():
-    window, rate = 0.4, 0.5
-    course = 1.0 - rate * window / 2
-    assert drift_angle((math.cos(course), math.sin(course)), 1.0, rate, window) == pytest.approx(0.0)
+    lag, rate = 0.2, 0.5
+    course = 1.0 - rate * lag
+    assert drift_angle((math.cos(course), math.sin(course)), 1.0, rate, lag) == pytest.approx(0.0)
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.0, 1.0))

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A walk through the whole of it: run, summary, log, report, replay."""
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from runtime.recording import mcap_scan
+from runtime.recording.compare import first_log_difference
+from runtime.recording.log import Log
+from tests_e2e_types import Ugv
+
+pytestmark = pytest.mark.xdist_group("walk")
+
+TASKS = ("decode", "estimator", "posture", "gait", "locomotion", "safety", "encode", "tracker", "mpc")
+NO_MUJOCO = """
+import sys
+class Refuse:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("mujoco", "sim_bridge"):
+            raise ImportError(name + " is not to be imported")
+sys.meta_path.insert(0, Refuse())
+"""
+
+
+def test_it_walks_and_says_so(walk: subprocess.CompletedProcess[str], run_directory: Path) -> None:
+    assert re.search(r"outcome +│ +completed ", walk.stdout)
+    assert f"report: {run_directory / 'report.html'}" in walk.stdout
+    assert (run_directory / "report.html").read_text().startswith("<!DOCTYPE html>")
+
+
+def test_the_summary_has_its_keys(run_directory: Path) -> None:
+    summary = json.loads((run_directory / "summary.json").read_text())
+    assert summary["robot"] == "uslgo1"
+    assert summary["seed"] == 3
+    assert (summary["controller"], summary["estimator"]) == ("FpMW", "kalman")
+    assert (summary["completed"], summary["fell"], summary["fault"]) == (True, False, "")
+    keys = {
+        "lateral_error_m": {"mean", "rms", "max", "std"},
+        "heading_error_rad": {"rms", "max"},
+        "tracking_error_m": {"mean", "std"},
+        "speed_mps": {"mean", "commanded"},
+        "mpc_ms": {"median", "p99", "max"},
+        "wbc_ms": {"median", "p99", "max"},
+        "missed_deadlines": {"mpc", "wbc"},
+    }
+    for key, parts in keys.items():
+        assert parts <= summary[key].keys(), key
+    for key in ("sim_time_s", "wall_time_s", "realtime_factor", "completion_time_s", "path_length_m"):
+        assert summary[key] > 0.0, key
+    assert (run_directory / summary["log"]).is_file()
+
+
+def test_the_log_tells_what_is_in_it(ugv: Ugv, run_directory: Path) -> None:
+    done = ugv("log", "info", run_directory)
+    assert done.returncode == 0
+    for topic in ("/imu/data", "/joint_states", "/odom", "/tf", "/path", "/cmd_vel", "/ugv/can_received"):
+        assert topic in done.stdout
+
+
+def identical_tasks(printed: str) -> set[str]:
+    return {row.split("│")[1].strip() for row in printed.splitlines() if re.search(r"│ +identical │", row)}
+
+
+def test_a_replay_without_the_simulator_is_identical(ugv: Ugv, run_directory: Path) -> None:
+    done = ugv("replay", run_directory, code=NO_MUJOCO)
+    assert done.returncode == 0, done.stderr
+    assert identical_tasks(done.stdout) == set(TASKS)
+    assert re.search(r"[1-9]\d* steps, [1-9]\d* signals compared: identical\n", done.stdout)
+
+
+def test_a_replay_from_a_key_frame_is_identical(ugv: Ugv, run_directory: Path) -> None:
+    done = ugv("replay", run_directory, "--from", 1.5, "--to", 2.5)
+    assert done.returncode == 0, done.stderr
+    assert identical_tasks(done.stdout) == set(TASKS)
+
+
+def test_one_task_is_replayed_alone(ugv: Ugv, run_directory: Path) -> None:
+    done = ugv("replay", run_directory, "--task", "tracker")
+    assert done.returncode == 0, done.stderr
+    assert identical_tasks(done.stdout) == {"tracker"}
+
+
+def test_another_hash_seed_gives_the_same_log(ugv: Ugv, run_directory: Path, short_path: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again"
+    done = ugv("sil", "uslgo1", short_path, "--seed", 3, "--out", again, hash_seed="7")
+    assert done.returncode == 0, done.stderr
+    assert first_log_difference(Log(run_directory), Log(again)) is None
+
+
+def test_a_change_reports_how_the_outputs_move(ugv: Ugv, run_directory: Path) -> None:
+    done = ugv("replay", run_directory, "--set", "tracker.look_ahead.base_m=1.5", "--task", "tracker")
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"/ugv/body_command +│ +look_ahead ", done.stdout)
+    assert re.search(r"signals compared: \d+ fields move", done.stdout)
+
+
+def test_a_flipped_bit_of_an_input_is_found_and_named(ugv: Ugv, run_directory: Path, tmp_path: Path) -> None:
+    run = tmp_path / "altered"
+    shutil.copytree(run_directory, run)
+    (file,) = run.glob("*.mcap")
+    recorded = ugv("log", "recover", run)
+    assert recorded.returncode == 0, recorded.stderr
+    (file,) = run.with_name("altered-recovered").glob("*.mcap")
+    data = bytearray(file.read_bytes())
+    where = flip_in_the_imu(file, data)
+    file.write_bytes(data)
+    done = ugv("replay", file.parent)
+    assert done.returncode == 1
+    assert re.search(rf"input /ugv/imu was altered after it was recorded; one flipped bit: {where}", done.stdout)
+
+
+def flip_in_the_imu(file: Path, data: bytearray) -> str:
+    """Flip a bit of the angular velocity of one IMU sample in the middle of an uncompressed log."""
+    messages = [m for m in Log(file).messages(["/ugv/imu"])]
+    body = bytes(messages[len(messages) // 2].body)
+    at = bytes(data).index(body) + 16 + 24
+    data[at] ^= 1
+    return "angular_velocity"
+
+
+def test_a_scenario_that_fails_its_criteria_ends_with_one(ugv: Ugv, short_path: Path, tmp_path: Path) -> None:
+    done = ugv("sil", "uslgo1", short_path, "--set", "scenario.speed_mps=2.0", "--out", tmp_path / "late")
+    assert done.returncode == 1, done.stderr
+    assert "NOT completed" in done.stdout
+
+
+def test_a_robot_that_faults_ends_with_three(ugv: Ugv, short_path: Path, tmp_path: Path) -> None:
+    done = ugv("sil", "uslgo1", short_path, "--set", "safety.voltage_min_v=32", "--out", tmp_path / "flat-battery")
+    assert done.returncode == 3, done.stderr
+    assert "FAULT VOLTAGE" in done.stdout
+    assert json.loads((tmp_path / "flat-battery" / "summary.json").read_text())["fault"] == "VOLTAGE"
