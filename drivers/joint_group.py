@@ -206,34 +206,31 @@ class JointGroup:
         """
         if not count:
             return 0
-        frames = frames[:count]
+        frames, arrival_ns = frames[:count], arrival_ns[:count]
         found = self._addresses.identify(frames, bus[:count])
+        words = frames.view(FRAME_WORDS)["word"]
         if found.any_rejected:
             self.counters[REJECTED] += found.rejections
-        if not found.rows.size:
+            words, arrival_ns = words[found.rows], arrival_ns[found.rows]
+        drives = found.drives
+        if not drives.size:
             return 0
-        words = frames.view(FRAME_WORDS)["word"]
-        if found.in_order:
-            self._reply_word[:] = words
-            self._arrival_ns[:] = arrival_ns[:count]
-        else:
-            self._reply_word[found.drives] = words[found.rows]
-            self._arrival_ns[found.drives] = arrival_ns[:count][found.rows]
+        self._reply_word[drives] = words
+        self._arrival_ns[drives] = arrival_ns
         values = self._codec.decode_replies(self._reply_word)
-        self._unwrap(values[0], readings)
+        if self._continuous is not None:
+            self._unwrap(values[0], readings)
         self._store(values, self._plausible(values, found), readings)
-        return int(found.rows.size)
+        return int(drives.size)
 
     def _unwrap(self, position: FloatArray, readings: Readings) -> None:
-        """Add the whole turns that bring each position nearest to the one before it."""
-        turns = self._turns
-        np.subtract(readings.position, position, out=turns)
-        np.divide(turns, self._span, out=turns)
-        np.rint(turns, out=turns)
-        if 0 in readings.reply_ns.tolist():
-            turns[readings.reply_ns == 0] = 0.0
-        np.multiply(turns, self._span, out=turns)
-        np.add(position, turns, out=position)
+        """Add the whole turns that bring each position nearest to the one before it.
+
+        Only for joints that turn on and on: the limits of the others lie within the range of their drives.
+        """
+        turns = np.rint((readings.position - position) / self._span)
+        turns *= self._continuous & (readings.reply_ns != 0)
+        position += turns * self._span
 
     def _plausible(self, values: FloatArray, found: Identified) -> npt.NDArray[np.bool_] | None:
         """Which joints to update, None for all."""
@@ -249,7 +246,7 @@ class JointGroup:
         return wild
 
     def _store(self, values: FloatArray, update: npt.NDArray[np.bool_] | None, readings: Readings) -> None:
-        where = slice(None) if update is None else update
+        where = ... if update is None else update
         readings.position[where] = values[0][where]
         readings.velocity[where] = values[1][where]
         readings.effort[where] = values[2][where]
@@ -291,7 +288,7 @@ class JointGroup:
         joints, count = self.joints, len(self.joints)
         self._reply_word, self._arrival_ns = np.zeros(count, np.uint64), np.zeros(count, np.int64)
         self._span = np.array([(j.ranges.position[1] - j.ranges.position[0]) / j.gear_ratio for j in joints])
-        self._turns, self._inside = np.empty(count), np.empty((2, count))
+        self._inside = np.empty((2, count))
         speed = column(joints, "plausible_velocity")
         reach = np.array([joint.plausible_position for joint in joints])
         self._plausible_low = np.stack([reach[:, 0], -speed])

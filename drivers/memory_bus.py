@@ -125,8 +125,8 @@ class MemoryBus:
             self._situation, int(end), until_ns - reference_ns, limit
         )
         self._reference_ns, self._held = until_ns, held[kept]
-        for sufferer in End:
-            self._lost[sufferer] += lost[sufferer]
+        self._lost[0] += lost[0]
+        self._lost[1] += lost[1]
         received = Received(held[taken].view(CAN_FRAME), bus, arrival_ns + reference_ns)
         return received if self.tamper is None else self._tampered(End(1 - end), received, self.tamper)
 

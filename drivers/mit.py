@@ -82,11 +82,13 @@ class FieldCodec:
         self._unit, self._origin = (ends[..., 1] - ends[..., 0]) / last / factor, (ends[..., 0] - shift) / factor
         self._low, self._high = self._code_limits(low, high, last)
         self._shifts = _spread([placed[name].shift for name in names], shape, np.uint64)
+        self._weights = np.array([1 << placed[name].shift for name in names], np.uint64)
         self._masks = _spread([(1 << placed[name].bits) - 1 for name in names], shape, np.uint64)
         self.clipped = np.zeros(shape[0], np.uint32)
         self._raw, self._codes, self._values = np.empty(shape), np.empty(shape), np.empty(shape)
-        self._finite = np.empty(shape, np.bool_)
+        self._raw_in_turn = self._raw.reshape(-1)
         self._fields, self._packed = np.empty(shape, np.uint64), np.empty(shape[1], np.uint64)
+        self._signed_fields = self._fields.view(np.int64)
 
     def _code_limits(
         self, low: FloatArray | None, high: FloatArray | None, last: FloatArray
@@ -111,38 +113,39 @@ class FieldCodec:
             NonFiniteError: if any value is NaN or infinite; `out` is then untouched.
         """
         raw, codes = self._raw, self._codes
-        for row, value in enumerate(values):
-            raw[row] = value
-        np.isfinite(raw, out=self._finite)
-        if b"\0" in self._finite.tobytes():
-            raise NonFiniteError(self._describe_non_finite())
-        np.multiply(raw, self._scale, out=raw)
+        if isinstance(values, np.ndarray):
+            np.multiply(values, self._scale, out=raw)
+        else:
+            np.concatenate(values, out=self._raw_in_turn)
+            np.multiply(raw, self._scale, out=raw)
         np.add(raw, self._offset, out=raw)
-        np.minimum(raw, self._high, out=codes)
-        np.maximum(codes, self._low, out=codes)
-        clipped = codes.tobytes() != raw.tobytes()
-        self.clipped[:] = np.count_nonzero(codes != raw, axis=1) if clipped else 0
+        np.fmin(raw, self._high, out=codes)
+        np.fmax(codes, self._low, out=codes)
+        limited = codes.tobytes() != raw.tobytes()  # so are all that are not finite, since fmin prefers numbers to NaN
+        self.clipped[:] = self._count_clipped(values) if limited else 0
         np.rint(codes, out=codes)
-        np.copyto(self._fields, codes, casting="unsafe")
-        np.left_shift(self._fields, self._shifts, out=self._fields)
-        np.add.reduce(self._fields, axis=0, out=self._packed)
+        np.copyto(self._signed_fields, codes, casting="unsafe")
+        np.dot(self._weights, self._fields, out=self._packed)
         out[...] = self._packed
-        return clipped
+        return limited
 
     def decode(self, words: Words) -> FloatArray:
         """Values of each field (fields, n) of words (n,); the array is overwritten by the next call."""
         self._packed[...] = words
         np.right_shift(self._packed, self._shifts, out=self._fields)
         np.bitwise_and(self._fields, self._masks, out=self._fields)
-        np.copyto(self._values, self._fields)
+        np.copyto(self._values, self._signed_fields)
         np.multiply(self._values, self._unit, out=self._values)
         np.add(self._values, self._origin, out=self._values)
         return self._values
 
-    def _describe_non_finite(self) -> str:
-        row, drive = np.argwhere(~np.isfinite(self._raw))[0]
-        name = list(self.rows)[row]
-        return f"{name} of drive {drive} is {self._raw[row, drive]}; only finite values can be encoded"
+    def _count_clipped(self, values: Sequence[npt.ArrayLike] | FloatArray) -> npt.NDArray[np.intp]:
+        given = np.asarray(values, np.float64)
+        if not np.isfinite(given).all():
+            row, drive = np.argwhere(~np.isfinite(given))[0]
+            name = list(self.rows)[row]
+            raise NonFiniteError(f"{name} of drive {drive} is {given[row, drive]}; only finite values can be encoded")
+        return np.count_nonzero(self._codes != self._raw, axis=1)
 
 
 class MitCodec:

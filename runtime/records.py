@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixed-layout records: the one form in which data is held, shared, logged and replayed.
 
-A record class declares flat fields. An instance owns one zeroed buffer and prebuilt views of it. The layout is an aligned
-little-endian numpy record; up to the end of its last field it is byte for byte the ROS 2 CDR body of a message with the
-same fields, so control memory, log message and replay input are the same bytes.
+A record class declares flat fields. An instance owns one zeroed buffer and prebuilt views of it. The layout is an
+aligned little-endian numpy record; up to the end of its last field it is byte for byte the ROS 2 CDR body of a message
+with the same fields, so control memory, log message and replay input are the same bytes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,7 @@ _UINT8 = _Kind("uint8", "u1", "B")
 _BOOL = _Kind("bool", "?", "?")
 
 AnyRecord = TypeVar("AnyRecord", bound="Record")
+Element = TypeVar("Element", bound=np.generic)
 
 
 _NOWHERE: dict[str, tuple[Any, int | slice]] = {}
@@ -65,6 +66,18 @@ class Field:
         return f"{self.kind.ros}{extent} {self.name}" + (f"  # {note}" if note else "")
 
 
+if TYPE_CHECKING:
+
+    class ArrayField(Generic[Element]):
+        """How an array field looks to a type checker: reading gives a view, anything array-like can be assigned."""
+
+        def __get__(self, record: Record, owner: type | None = None) -> npt.NDArray[Element]:
+            """The view."""
+
+        def __set__(self, record: Record, value: npt.ArrayLike) -> None:
+            """Copy into the view."""
+
+
 def float64(unit: str = "", doc: str = "") -> float:
     """Declare a scalar float64 field."""
     return Field(_FLOAT64, None, unit, doc)  # type: ignore[return-value]
@@ -90,27 +103,27 @@ def boolean(doc: str = "") -> bool:
     return Field(_BOOL, None, "", doc)  # type: ignore[return-value]
 
 
-def float64_array(length: int | str, unit: str = "", doc: str = "") -> npt.NDArray[np.float64]:
+def float64_array(length: int | str, unit: str = "", doc: str = "") -> ArrayField[np.float64]:
     """Declare an array of float64, its length a number or the name of one of the robot's sizes."""
     return Field(_FLOAT64, length, unit, doc)  # type: ignore[return-value]
 
 
-def int64_array(length: int | str, unit: str = "", doc: str = "") -> npt.NDArray[np.int64]:
+def int64_array(length: int | str, unit: str = "", doc: str = "") -> ArrayField[np.int64]:
     """Declare an array of int64."""
     return Field(_INT64, length, unit, doc)  # type: ignore[return-value]
 
 
-def uint32_array(length: int | str, unit: str = "", doc: str = "") -> npt.NDArray[np.uint32]:
+def uint32_array(length: int | str, unit: str = "", doc: str = "") -> ArrayField[np.uint32]:
     """Declare an array of uint32."""
     return Field(_UINT32, length, unit, doc)  # type: ignore[return-value]
 
 
-def uint8_array(length: int | str, unit: str = "", doc: str = "") -> npt.NDArray[np.uint8]:
+def uint8_array(length: int | str, unit: str = "", doc: str = "") -> ArrayField[np.uint8]:
     """Declare an array of uint8."""
     return Field(_UINT8, length, unit, doc)  # type: ignore[return-value]
 
 
-def boolean_array(length: int | str, doc: str = "") -> npt.NDArray[np.bool_]:
+def boolean_array(length: int | str, doc: str = "") -> ArrayField[np.bool_]:
     """Declare an array of bool."""
     return Field(_BOOL, length, "", doc)  # type: ignore[return-value]
 
@@ -160,7 +173,7 @@ class Record:
         for f, offset, end in zip(self.fields, offsets, ends, strict=True):
             window = memoryview(self._buffer)[offset:end]
             if f.length is None:
-                self._places[f.name] = window.cast(f.kind.view), 0
+                self._places[f.name] = window.cast(f.kind.view), 0  # type: ignore[call-overload]
             else:
                 view = np.frombuffer(window, dtype=f.kind.numpy)
                 self.__dict__[f.name] = view

@@ -2,9 +2,9 @@
 """Every value that crosses a task boundary, one record per signal.
 
 Stamps are nanoseconds, units SI, quaternions (x, y, z, w), frames as REP 105: `odom` is the world-fixed frame of the
-estimate, `base` the trunk frame (x forward, y left, z up). Symbolic sizes: `joint`, `foot`, `foot_xyz` (three per foot),
-`foot_pair` (foot x foot), `frame` (capacity of a batch of CAN frames), `frame_byte` (16 per frame), `path` (capacity of a path),
-`horizon`, `knot` (horizon + 1), `horizon_xyz` (3 x foot x horizon).
+estimate, `base` the trunk frame (x forward, y left, z up). Symbolic sizes: `joint`, `foot`, `foot_xyz` (three a foot),
+`frame` (capacity of a batch of CAN frames), `frame_byte` (16 per frame), `path` (capacity of a path), and of the MPC's
+horizon `knot` (steps + 1), `horizon_foot` (foot x steps) and `horizon_xyz` (three times that).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tasks, and the loops that step them.
 
-A task computes outputs from inputs and its own state and does nothing else: no I/O, no clock, no unseeded random number,
-no module state. All that must survive from one step to the next is in records, so that any step can be taken again, in
-another process, from the log.
+A task computes outputs from inputs and its own state and does nothing else: no I/O, no clock, no unseeded random
+number, no module state. All that must survive from one step to the next is in records, so that any step can be taken
+again, in another process, from the log.
 """
 
 from __future__ import annotations

@@ -43,7 +43,9 @@ def build(description: Quadruped, config: SimulationConfig, terrain: HeightField
     )
     for leg in range(len(FEET)):
         _add_leg(trunk, leg, description, config, solref)
-    spec.add_sensor(name="acceleration", type=mujoco.mjtSensor.mjSENS_ACCELEROMETER, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu")
+    spec.add_sensor(
+        name="acceleration", type=mujoco.mjtSensor.mjSENS_ACCELEROMETER, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu"
+    )
     spec.add_sensor(name="rate", type=mujoco.mjtSensor.mjSENS_GYRO, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu")
     return spec.compile()
 

@@ -21,7 +21,8 @@ from runtime.signals import Truth
 from sim_bridge.quadruped_model import build
 from sim_bridge.sensors import BatterySensor, InertialSensor, LocalizationSensor
 from sim_bridge.terrain import HeightField
-from sim_bridge.virtual_drive import DriveModel, VirtualDrives
+from sim_bridge.drive_model import DriveModel
+from sim_bridge.virtual_drive import VirtualDrives
 
 Array = npt.NDArray[np.float64]
 WXYZ_TO_XYZW = [1, 2, 3, 0]
@@ -81,7 +82,7 @@ class QuadrupedWorld:
         self.model = build(description, config, terrain)
         self.data = mujoco.MjData(self.model)
         self._terrain, self._bus = terrain, bus
-        self._step_ns, self._now_ns = config.time_step_ns, 0
+        self._step_ns, self._step_s, self._now_ns = config.time_step_ns, config.time_step_ns * 1e-9, 0
         noise = np.random.SeedSequence(seed).spawn(3)
         imu_noise, pose_noise = (np.random.Generator(np.random.PCG64(sequence)) for sequence in noise[:2])
         self.drives = VirtualDrives(joints, dialect, drive_model(config), int(noise[2].generate_state(1)[0]))
@@ -89,19 +90,31 @@ class QuadrupedWorld:
         self.localization = LocalizationSensor(config, pose_noise)
         self.battery = BatterySensor(config)
         self._push: tuple[int, int, Array] | None = None
-        self._foot_of_geom = {self.model.geom(f"{foot}_foot").id: index for index, foot in enumerate(FEET)}
         self._trunk = self.model.body("trunk").id
+        self._bind_views()
         self._settle(start_pose, joint_angles, height_m)
 
     def _settle(self, start_pose: tuple[float, float, float], joint_angles: Array, height_m: float) -> None:
         x, y, yaw = start_pose
         qx, qy, qz, qw = quaternion_of_yaw(yaw)
         ground = 0.0 if self._terrain is None else float(self._terrain.height(x, y))
-        self.data.qpos[:7] = (x, y, ground + height_m + DROP_M, qw, qx, qy, qz)
-        self.data.qpos[7:] = joint_angles
+        self._place[:] = (x, y, ground + height_m + DROP_M, qw, qx, qy, qz)
+        self._joint_position[:] = joint_angles
         mujoco.mj_forward(self.model, self.data)
-        self.drives.torque(self.data.qpos[7:], self.data.qvel[6:], 0)
+        self.drives.torque(self._joint_position, self._joint_velocity, 0)
         self._sense(0)
+
+    def _bind_views(self) -> None:
+        """MuJoCo's arrays stay where they are; looking one up costs more than a copy of it."""
+        data = self.data
+        self._place, self._joint_position, self._joint_velocity = data.qpos[:7], data.qpos[7:], data.qvel[6:]
+        self._position, self._quaternion_wxyz = data.qpos[:3], data.qpos[3:7]
+        self._linear_velocity, self._angular_velocity = data.qvel[:3], data.qvel[3:6]
+        self._joint_torque, self._motion = data.qfrc_applied[6:], data.sensordata[:6]
+        shanks = [self.model.geom(f"{foot}_foot").bodyid[0] for foot in FEET]
+        legs = slice(shanks[0], shanks[-1] + 1, shanks[1] - shanks[0])
+        assert list(range(self.model.nbody))[legs] == shanks
+        self._shank_force = data.cfrc_ext[legs, 3:]
 
     # -- time -----------------------------------------------------------------------------------------------------
 
@@ -111,22 +124,24 @@ class QuadrupedWorld:
             self._step()
 
     def _step(self) -> None:
-        data, now_ns = self.data, self._now_ns
-        torque = self.drives.torque(data.qpos[7:], data.qvel[6:], now_ns)
-        data.qfrc_applied[6:] = torque
-        self._apply_push(now_ns)
-        mujoco.mj_step(self.model, data)
+        now_ns = self._now_ns
+        torque = self.drives.torque(self._joint_position, self._joint_velocity, now_ns)
+        self._joint_torque[:] = torque
+        if self._push is not None:
+            self._apply_push(now_ns)
+        mujoco.mj_step(self.model, self.data)
         self._now_ns = now_ns = now_ns + self._step_ns
-        self.battery.drain(float(np.abs(torque * data.qvel[6:]).sum()), self._step_ns * 1e-9)
-        self.imu.feel(data.sensordata[:3], data.sensordata[3:6], now_ns)
+        self.battery.drain(float(torque.dot(self._joint_velocity)), self._step_s)
+        self.imu.feel(self._motion, now_ns)
         self._sense(now_ns)
         arrived = self._bus.receive(End.DEVICE, now_ns)
-        if len(arrived.bus):
+        if arrived.bus.size:
             frames, bus, send_ns = self.drives.answer(*arrived)
             self._bus.send(End.DEVICE, bus, frames, send_ns)
 
     def _sense(self, now_ns: int) -> None:
-        self.localization.see(self.data.qpos[:3], self.data.qpos[3:7][WXYZ_TO_XYZW], now_ns)
+        if self.localization.due(now_ns):
+            self.localization.see(self._position, self._quaternion_wxyz[WXYZ_TO_XYZW], now_ns)
 
     # -- disturbances ---------------------------------------------------------------------------------------------
 
@@ -136,54 +151,47 @@ class QuadrupedWorld:
         self._push = begin_ns, begin_ns + duration_ns, force_n * np.array([math.cos(angle), math.sin(angle), 0.0])
 
     def _apply_push(self, now_ns: int) -> None:
-        if self._push is not None:
-            begin_ns, end_ns, force = self._push
-            self.data.xfrc_applied[self._trunk, :3] = force if begin_ns <= now_ns < end_ns else 0.0
+        assert self._push is not None
+        begin_ns, end_ns, force = self._push
+        self.data.xfrc_applied[self._trunk, :3] = force if begin_ns <= now_ns < end_ns else 0.0
 
     # -- truth ----------------------------------------------------------------------------------------------------
 
     @property
     def position(self) -> Array:
         """True trunk origin, m."""
-        return np.array(self.data.qpos[:3])
+        return self._position.copy()
 
     @property
     def yaw(self) -> float:
         """True yaw, rad."""
-        w, x, y, z = self.data.qpos[3:7].tolist()
+        w, x, y, z = self._quaternion_wxyz.tolist()
         return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
     @property
     def tilt(self) -> float:
         """True angle between the trunk's z axis and the vertical, rad."""
-        _, x, y, _ = self.data.qpos[3:7].tolist()
+        _, x, y, _ = self._quaternion_wxyz.tolist()
         return math.acos(max(-1.0, min(1.0, 1 - 2 * (x * x + y * y))))
 
     @property
     def clearance(self) -> float:
         """True height of the trunk origin above the ground below it, m."""
-        x, y, z = self.data.qpos[:3].tolist()
+        x, y, z = self._position.tolist()
         return z - (0.0 if self._terrain is None else float(self._terrain.height(x, y)))
 
     def contact_forces(self) -> Array:
-        """Ground reaction on each foot, in odom, (4, 3)."""
-        total, wrench, data = np.zeros((4, 3)), np.zeros(6), self.data
-        geoms = data.contact.geom
-        for index in range(data.ncon):
-            first, second = geoms[index].tolist()
-            foot = self._foot_of_geom.get(second, self._foot_of_geom.get(first))
-            if foot is not None:
-                mujoco.mj_contactForce(self.model, data, index, wrench)
-                force = wrench[:3] @ data.contact.frame[index].reshape(3, 3)
-                total[foot] += force if second in self._foot_of_geom else -force
-        return total
+        """Ground reaction on each foot and its shank in the last step, in odom, (4, 3), N; a view.
+
+        MuJoCo sums the contacts of each body for the accelerometer.
+        """
+        return self._shank_force
 
     def read(self, record: Record, now_ns: int) -> bool:
         """Give the true state, as an input port."""
         assert isinstance(record, Truth)
-        data = self.data
         record.stamp_ns = now_ns
-        record.position, record.orientation = data.qpos[:3], data.qpos[3:7][WXYZ_TO_XYZW]
-        record.linear_velocity, record.angular_velocity = data.qvel[:3], data.qvel[3:6]
+        record.position, record.orientation = self._position, self._quaternion_wxyz[WXYZ_TO_XYZW]
+        record.linear_velocity, record.angular_velocity = self._linear_velocity, self._angular_velocity
         record.contact_force = self.contact_forces().ravel()
         return True

@@ -20,7 +20,7 @@ from drivers.dialects import dialect_named
 from drivers.memory_bus import MemoryBus
 from drivers.memory_ports import MemoryReader, MemoryWriter
 from runtime.configuration import dump
-from runtime.executors.lockstep import Lockstep, TickSink
+from runtime.executors.lockstep import InputPort, Lockstep, TickSink
 from runtime.recording.metrics import path_metrics, push_recovery
 from runtime.recording.recorder import RecorderProcess
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup
@@ -105,6 +105,8 @@ class Observer:
         mode = self._safety.mode
         if mode == Mode.DAMPED and not self.fault:
             self.fault = Fault(self._safety.fault)
+        if mode in (Mode.OFF, Mode.STANDBY) and self._scenario.waypoints and now_ns >= WALK_NS and not self.fault:
+            self.fault = Fault(self._safety.warning)
         if self.fell or self.fault:
             self._end_ns = min(self._end_ns, now_ns + SETTLE_AFTER_FAULT_NS)
         if self._command.arrived and not self._gait.walking:
@@ -206,7 +208,7 @@ def run_scenario(
         config.quadruped.standing_angles(height),
         height,
     )
-    inputs = {
+    inputs: dict[str, InputPort] = {
         topics.CAN_RECEIVED: MemoryReader(bus),
         topics.IMU: world.imu,
         topics.LOCALIZATION: world.localization,

@@ -15,6 +15,7 @@ from runtime.signals import Battery, Imu, Pose
 
 Array = npt.NDArray[np.float64]
 NS_PER_SECOND = 1_000_000_000
+_NOISE_BLOCK = 128
 
 
 class InertialSensor:
@@ -28,22 +29,31 @@ class InertialSensor:
         initial = np.repeat((config.imu_acceleration_bias_mps2, config.imu_rate_bias_radps), 3)
         self._generator = generator
         self._bias = initial * generator.standard_normal(6)
+        self._errors, self._row = np.zeros((_NOISE_BLOCK, 6)), _NOISE_BLOCK
         self._sum, self._count = np.zeros(6), 0
         self._sequence, self._stamp_ns = 0, 0
         self._sample = np.zeros(6)
+        self._acceleration, self._rate = self._sample[:3], self._sample[3:]
         self._fresh = False
 
-    def feel(self, acceleration: Array, rate: Array, now_ns: int) -> None:
-        """Take in one physics step that ended at `now_ns`."""
-        self._sum[:3] += acceleration
-        self._sum[3:] += rate
+    def feel(self, motion: Array, now_ns: int) -> None:
+        """Take in the specific force and the angular rate (6,) of one physics step that ended at `now_ns`."""
+        np.add(self._sum, motion, out=self._sum)
         self._count += 1
         if now_ns % self._period_ns == 0:
-            white, drift = self._generator.standard_normal((2, 6))
-            self._bias += self._walk * drift
-            self._sample = self._sum / self._count + self._bias + self._noise * white
-            self._sum, self._count = np.zeros(6), 0
+            if self._row == _NOISE_BLOCK:
+                self._draw()
+            np.divide(self._sum, self._count, out=self._sample)
+            np.add(self._sample, self._errors[self._row], out=self._sample)
+            self._sum[:], self._count, self._row = 0.0, 0, self._row + 1
             self._sequence, self._stamp_ns, self._fresh = self._sequence + 1, now_ns, True
+
+    def _draw(self) -> None:
+        """Bias and noise of the next block of samples."""
+        white, drift = self._generator.standard_normal((_NOISE_BLOCK, 2, 6)).swapaxes(0, 1)
+        bias = self._bias + np.cumsum(self._walk * drift, axis=0)
+        self._bias = bias[-1]
+        self._errors, self._row = bias + self._noise * white, 0
 
     def read(self, record: Record, now_ns: int) -> bool:
         """Give the newest sample, as an input port."""
@@ -52,7 +62,7 @@ class InertialSensor:
             return False
         self._fresh = False
         record.stamp_ns, record.sequence = self._stamp_ns, self._sequence
-        record.linear_acceleration, record.angular_velocity = self._sample[:3], self._sample[3:]
+        record.linear_acceleration, record.angular_velocity = self._acceleration, self._rate
         return True
 
 
@@ -65,10 +75,12 @@ class LocalizationSensor:
         self._pending: deque[tuple[int, int, Array, Array]] = deque()
         self._sequence = 0
 
+    def due(self, now_ns: int) -> bool:
+        """Whether a pose is to be acquired at `now_ns`."""
+        return now_ns % self._period_ns == 0
+
     def see(self, position: Array, orientation: Array, now_ns: int) -> None:
-        """Acquire a pose if one is due at `now_ns`."""
-        if now_ns % self._period_ns:
-            return
+        """Acquire a pose."""
         config, noise = self._config, self._generator.standard_normal(6)
         turned = quaternion_product(quaternion_of_vector(config.localization_angle_rad * noise[3:]), orientation)
         self._sequence += 1
@@ -92,13 +104,13 @@ class BatterySensor:
 
     def __init__(self, config: SimulationConfig) -> None:
         self._config = config
+        self._voltage, self._capacity_as = config.battery_v, 3600.0 * config.battery_capacity_ah
         self._charge, self._current, self._next_ns = 1.0, 0.0, 0
 
     def drain(self, power_w: float, seconds: float) -> None:
-        """Take in the power drawn over one physics step."""
-        config = self._config
-        self._current = (self.IDLE_W + max(power_w, 0.0)) / config.battery_v
-        self._charge -= self._current * seconds / 3600.0 / config.battery_capacity_ah
+        """Take in the power that all motors together draw or give back over one physics step."""
+        self._current = (self.IDLE_W + max(power_w, 0.0)) / self._voltage
+        self._charge -= self._current * seconds / self._capacity_as
 
     def read(self, record: Record, now_ns: int) -> bool:
         """Give the state ten times a second, as an input port."""

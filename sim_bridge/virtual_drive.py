@@ -7,68 +7,33 @@ A drive knows nothing but the frames it receives and its own encoder. At every p
 
 on its own measured q (quantised) and v (noisy), in its own coordinates, and the motor limits the result to the
 torque-speed curve. Without a command for the time-out it falls back to damping.
+
+Inside, positions are encoder counts, speeds those of the drive's output, and torques (with stiffness and damping) act at
+the joint; the codec takes and gives these units, so that no conversion is left to do at each step.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from drivers.addressing import Identified, Rejection, command_addresses
-from drivers.can_frame import FRAME_WORDS, Frames, make_frames
+from drivers.addressing import Rejection, command_addresses
+from drivers.can_frame import FRAME_SIZE, FRAME_WORDS, Frames, make_frames
 from drivers.dialects import Dialect
 from drivers.errors import DriverConfigError
 from drivers.faults import FaultKind, code_of
-from drivers.joints import Joint, column
-from drivers.mit import DISABLE, ENABLE, SET_ZERO, SPECIAL_PREFIX, FloatArray, MitCodec
+from drivers.joints import Joint
+from drivers.mit import DISABLE, ENABLE, SET_ZERO, SPECIAL_PREFIX, FloatArray, MitCodec, Transform
+from sim_bridge.drive_model import DriveModel, Encoders, TorqueSpeedCurve, Windings, parameter
 
-_NOISE_BLOCK = 512
-_DAMPING = 2
-"""Row of the gains: effort, stiffness, damping."""
+_VELOCITY, _EFFORT, _STIFFNESS, _DAMPING = 1, 2, 3, 4
+"""Rows of commands, after position."""
 _NEVER_NS = int(np.iinfo(np.int64).max)
 
-
-@dataclass(frozen=True)
-class DriveModel:
-    """Physics and firmware of a drive.
-
-    Attributes:
-        peak_torque: N.m at the joint, standing still.
-        no_load_speed: rad/s at the joint; the torque available in the sense of motion falls linearly to zero there.
-        encoder_counts: counts of the drive's encoder in one turn of its output.
-        velocity_noise: rad/s at the drive's output, standard deviation of the measured speed.
-        command_timeout_ns: ns without a command after which the drive falls back to damping.
-        timeout_damping: N.m.s/rad at the drive's output, the damping of that fall-back; 0 lets the motor idle.
-        ambient_temperature: degC.
-        heating: K/s for each (N.m)^2 at the joint.
-        cooling_time: s, time constant of cooling.
-        temperature_limit: degC; above it the drive reports a fault and gives no torque until enabled again.
-        bus_voltage: V, reported by the dialects that do.
-    """
-
-    peak_torque: float
-    no_load_speed: float
-    encoder_counts: int
-    velocity_noise: float
-    command_timeout_ns: int
-    timeout_damping: float
-    ambient_temperature: float
-    heating: float
-    cooling_time: float
-    temperature_limit: float
-    bus_voltage: float
-
-    def __post_init__(self) -> None:
-        for name in ("peak_torque", "no_load_speed", "encoder_counts", "command_timeout_ns", "cooling_time"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise DriverConfigError(f"drive model: {name} = {getattr(self, name)} is not a positive number")
-        for name in ("velocity_noise", "timeout_damping", "heating"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise DriverConfigError(f"drive model: {name} = {getattr(self, name)} is negative or not finite")
+Answer = tuple[Frames, npt.NDArray[np.uint8], npt.NDArray[np.int64]]
+"""Replies, bus index of each, and when each is handed to the bus."""
 
 
 class VirtualDrives:
@@ -84,7 +49,6 @@ class VirtualDrives:
         rejections: frames refused since start, indexed by `Rejection`.
         clipped_replies: batches of replies in which a value exceeded the range of its field, since start.
         applied: (n,) N.m, torque at the joints of the last `torque`.
-        temperature: (n,) degC.
         enabled: (n,) whether each drive is switched on.
     """
 
@@ -96,15 +60,20 @@ class VirtualDrives:
         if len(models) != count:
             raise DriverConfigError(f"{count} joints need as many drive models, not {len(models)}")
         self.joints, self.dialect = tuple(joints), dialect
-        self._codec = MitCodec(dialect, [joint.ranges for joint in joints])
+        self._encoders, self._windings = Encoders(joints, models, seed), Windings(models)
+        self._curve = TorqueSpeedCurve(models)
+        ranges = [joint.ranges for joint in joints]
+        self._codec = MitCodec(dialect, ranges, transform=_inner_units(self._encoders))
         self._addresses = command_addresses(dialect, joints)
-        self._configure(models)
+        self._timeout_ns = parameter(models, "command_timeout_ns").astype(np.int64)
+        self._timeout_damping = parameter(models, "timeout_damping") * self._encoders.multiplier
+        self._overheat_code = code_of(dialect, FaultKind.MOTOR_OVER_TEMPERATURE) or 0
         self.rejections, self.clipped_replies = np.zeros(len(Rejection), np.uint32), 0
-        self._generator = np.random.Generator(np.random.PCG64(seed))
-        self._noise, self._noise_row = np.zeros((0, count)), 0
-        self._heated_ns, self._next_timeout_ns = 0, _NEVER_NS
-        self._all_active = False
-        self._reset_state()
+        self.enabled, self._muted, self._hot = np.zeros((3, count), np.bool_)
+        self._any_muted = False
+        self._fault, self._forced = np.zeros((2, count), np.uint8)
+        self._prepare_replies(models)
+        self._prepare_commands(count)
         self._refresh(0)
 
     # -- physics --------------------------------------------------------------------------------------------------
@@ -120,62 +89,32 @@ class VirtualDrives:
         Returns:
             (n,) N.m; the array is overwritten by the next call.
         """
-        self._heat(now_ns)
-        if now_ns > self._next_timeout_ns:
-            self._refresh(now_ns)
-        self._measure(position, velocity)
+        if self._windings.due(now_ns):
+            self._warm(now_ns)
+        if now_ns > self._deadline_ns:
+            self._check_timeouts(now_ns)
+        self._encoders.measure(position, velocity, self._measured)
         error, tau = self._error, self.applied
-        np.subtract(self._commands[:2], self._measured, out=error[1:])
-        np.multiply(error, self._gain, out=self._share)
-        np.add.reduce(self._share, axis=0, out=tau)
-        self._saturate(tau, velocity)
+        np.subtract(self._wanted, self._measured, out=error)
+        np.multiply(error, self._gain, out=error)
+        np.add(self._elastic, self._viscous, out=tau)
+        np.add(tau, self._feed_forward, out=tau)
+        self._curve.limit(tau, velocity)
         return tau
 
-    def _heat(self, now_ns: int) -> None:
-        """First-order heating by the torque of the step that has passed."""
-        elapsed, self._heated_ns = (now_ns - self._heated_ns) * 1e-9, now_ns
-        if elapsed <= 0:
-            return
-        gained = self._scratch
-        np.multiply(self.applied, self.applied, out=gained)
-        np.multiply(gained, self._heating, out=gained)
-        np.subtract(gained, self._excess, out=gained)
-        np.multiply(gained, self._cooling_rate * elapsed, out=gained)
-        np.add(self._excess, gained, out=self._excess)
-
-    def _measure(self, position: FloatArray, velocity: FloatArray) -> None:
-        """Encoder counts, wrapped at the ends of the drive's range, and noisy speed."""
-        angle, speed = self._measured
-        np.multiply(position, self._counts, out=angle)
-        np.subtract(angle, self._zero_counts, out=angle)
-        np.rint(angle, out=angle)
-        np.multiply(angle, self._radians_per_count, out=angle)
-        np.minimum(angle, self._last, out=self._scratch)
-        np.maximum(self._scratch, self._first, out=self._scratch)
-        if self._scratch.tobytes() != angle.tobytes():
-            angle -= self._span * np.rint((angle - self._middle) / self._span)
-        if self._noise_row == len(self._noise):
-            block = self._generator.standard_normal((_NOISE_BLOCK, len(self.joints)))
-            self._noise, self._noise_row = block * self._velocity_noise, 0
-        np.multiply(velocity, self._multiplier, out=speed)
-        np.add(speed, self._noise[self._noise_row], out=speed)
-        self._noise_row += 1
-
-    def _saturate(self, tau: FloatArray, velocity: FloatArray) -> None:
-        """Limit torques to the torque-speed curve; against the motion the full peak torque is available."""
-        bound = self._bound
-        np.multiply(velocity, self._torque_per_speed, out=self._scratch)
-        np.subtract(self._stall, self._scratch, out=bound)
-        np.minimum(bound, self._bound_high, out=bound)
-        np.maximum(bound, self._bound_low, out=bound)
-        np.minimum(tau, bound[0], out=tau)
-        np.maximum(tau, bound[1], out=tau)
+    def _warm(self, now_ns: int) -> None:
+        windings = self._windings
+        windings.update(self.applied, now_ns)
+        for row in self._temperature_rows:
+            np.add(windings.excess, windings.ambient, out=self._reply_values[row])
+        hot = windings.hot
+        if hot.tobytes() != self._hot.tobytes():
+            self._hot = hot
+            self._refresh(now_ns)
 
     # -- the wire -------------------------------------------------------------------------------------------------
 
-    def answer(
-        self, frames: Frames, bus: npt.NDArray[np.uint8], arrival_ns: npt.NDArray[np.int64]
-    ) -> tuple[Frames, npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
+    def answer(self, frames: Frames, bus: npt.NDArray[np.uint8], arrival_ns: npt.NDArray[np.int64]) -> Answer:
         """Take up commands (of several for one drive the last counts) and answer each frame at once.
 
         Args:
@@ -189,94 +128,95 @@ class VirtualDrives:
         found = self._addresses.identify(frames, bus)
         if found.any_rejected:
             self.rejections += found.rejections
-        if not found.rows.size:
-            return self._reply_frames[:0], self._bus[:0], arrival_ns[:0]
-        if SPECIAL_PREFIX in frames["data"].tobytes():
-            self._obey_specials(frames, found)
+            frames, bus, arrival_ns = frames[found.rows], bus[found.rows], arrival_ns[found.rows]
+        drives = found.drives
+        if not drives.size:
+            return self._reply_frames[:0], bus, arrival_ns
+        self._commanded_ns[drives] = arrival_ns
+        if SPECIAL_PREFIX in frames.tobytes():
+            self._obey_specials(frames, drives, int(arrival_ns.max()))
         else:
-            self._latch(frames, found)
-        times = arrival_ns if found.in_order else arrival_ns[found.rows]
-        self._commanded_ns[found.drives] = times
-        self._put_in_force(found, times.tolist())
-        return self._reply(found, times)
+            self._obey(frames, drives, arrival_ns)
+        return self._reply(drives, bus, arrival_ns)
 
-    def _latch(self, frames: Frames, found: Identified) -> None:
-        words = frames.view(FRAME_WORDS)["word"]
-        if found.in_order:
-            self._command_word[:] = words
-        else:
-            self._command_word[found.drives] = words[found.rows]
-        commands = self._codec.decode_commands(self._command_word)
-        if found.all_heard:
-            self._commands[:] = commands
-        else:
-            np.copyto(self._commands, commands, where=found.heard)
+    def _obey(self, frames: Frames, drives: npt.NDArray[np.intp], arrival_ns: npt.NDArray[np.int64]) -> None:
+        """Let commands take effect; if all drives obey what was last sent to them, decoding does it."""
+        self._command_word[drives] = frames.view(FRAME_WORDS)["word"]
+        self._codec.decode_commands(self._command_word)
+        if not self._all_obey:
+            self._latched[:, drives] = self._decoded[:, drives]
+            self._refresh(int(arrival_ns.max()))
 
-    def _obey_specials(self, frames: Frames, found: Identified) -> None:
+    def _obey_specials(self, frames: Frames, drives: npt.NDArray[np.intp], now_ns: int) -> None:
         """A batch that holds enabling, disabling or zeroing frames: frame by frame, in order."""
-        self._all_active = False
-        for row, drive in zip(found.rows.tolist(), found.drives.tolist(), strict=True):
-            data = frames["data"][row].tobytes()
+        self._leave_decoded()
+        for drive, frame in zip(drives.tolist(), frames["data"], strict=True):
+            data = frame.tobytes()
             if data == ENABLE:
                 self._enable(drive)
             elif data == DISABLE:
                 self.enabled[drive] = False
             elif data == SET_ZERO:
-                self._zero_counts[drive] += np.rint(self._measured[0, drive] / self._radians_per_count[drive])
+                self._encoders.set_zero(drive, self._measured[0, drive])
                 self._measured[0, drive] = 0.0
             else:
                 self._command_word[drive] = int.from_bytes(data, "big")
-                self._commands[:, drive] = self._codec.decode_commands(self._command_word)[:, drive]
+                self._latched[:, drive] = self._codec.decode_commands(self._command_word)[:, drive]
+        self._refresh(now_ns)
 
     def _enable(self, drive: int) -> None:
         """Switch a drive on with no command latched; this also clears a fault whose cause is gone."""
         if not self.enabled[drive] or self._fault[drive]:
-            self._commands[:, drive] = 0.0
+            self._latched[:, drive] = 0.0
         self.enabled[drive] = True
         self._fault[drive] = self._forced[drive]
 
-    def _reply(
-        self, found: Identified, times: npt.NDArray[np.int64]
-    ) -> tuple[Frames, npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
-        values = self._reply_values
-        values[:2] = self._measured
-        np.divide(self.applied, self._multiplier, out=values[2])
-        for row in self._temperature_rows:
-            np.add(self._excess, self._ambient, out=values[row])
-        self.clipped_replies += self._codec.encode_replies(values, self._reply_word)
-        drives = found.drives
+    def _reply(self, drives: npt.NDArray[np.intp], bus: npt.NDArray[np.uint8], times: npt.NDArray[np.int64]) -> Answer:
+        self.clipped_replies += self._codec.encode_replies(self._reply_values, self._reply_word)
         if self._any_muted:
             speaking = ~self._muted[drives]
-            drives, times = drives[speaking], times[speaking]
-        elif found.in_order:
-            return self._reply_frames.copy(), self._bus, times
-        return self._reply_frames[drives], self._bus[drives], times
+            drives, bus, times = drives[speaking], bus[speaking], times[speaking]
+        return self._reply_opaque[drives].view(self._reply_frames.dtype), bus, times
 
-    def _put_in_force(self, found: Identified, times: list[int]) -> None:
-        """Let the latched commands take effect; in the ordinary case of all drives alive, in one multiplication."""
-        np.greater(self._excess, self._excess_limit, out=self._hot)
-        if self._all_active and found.all_heard and b"\1" not in self._hot.tobytes():
-            np.multiply(self._commands[2:], self._multiplier, out=self._gain)
-            self._next_timeout_ns = min(times) + self._shortest_timeout_ns
-        else:
-            self._refresh(max(times))
+    # -- what is in force -----------------------------------------------------------------------------------------
+
+    def _check_timeouts(self, now_ns: int) -> None:
+        if self._all_obey:
+            self._deadline_ns = int((self._commanded_ns + self._timeout_ns).min())
+        if now_ns > self._deadline_ns:
+            self._refresh(now_ns)
+
+    def _leave_decoded(self) -> None:
+        """From here on what is latched is no longer what the last frames say."""
+        if self._all_obey:
+            self._latched[:] = self._decoded
+            self._all_obey = False
 
     def _refresh(self, now_ns: int) -> None:
         """Work out for each drive which part of its command is in force: all, damping alone, or nothing."""
-        np.greater(self._excess, self._excess_limit, out=self._hot)
+        self._leave_decoded()
         np.copyto(self._fault, self._overheat_code, where=self._hot & (self._fault == 0))
         active = self.enabled & (self._fault == 0) & ~self._hot
         timed_out = active & (now_ns - self._commanded_ns > self._timeout_ns)
         alive = active & ~timed_out
-        np.multiply(self._commands[2:], self._multiplier * alive, out=self._gain)
-        self._commands[1, ~alive] = 0.0
-        np.copyto(self._gain[_DAMPING], self._timeout_damping * self._multiplier, where=timed_out)
-        deadlines = (self._commanded_ns + self._timeout_ns)[alive]
-        self._next_timeout_ns = int(deadlines.min()) if deadlines.size else _NEVER_NS
-        self._all_active = bool(active.all())
         if self._error_row is not None:
             healthy = self.enabled * self.dialect.enabled_code
             self._reply_values[self._error_row] = np.where(self._fault != 0, self._fault, healthy)
+        deadlines = (self._commanded_ns + self._timeout_ns)[alive]
+        self._deadline_ns = int(deadlines.min()) if deadlines.size else _NEVER_NS
+        self._all_obey = bool(alive.all()) and np.array_equal(self._latched, self._decoded)
+        if self._all_obey:
+            self._put_in_force(self._decoded)
+            return
+        self._latched[_VELOCITY, ~alive] = 0.0
+        np.multiply(self._latched, alive, out=self._partial)
+        np.copyto(self._partial[_DAMPING], self._timeout_damping, where=timed_out)
+        self._put_in_force(self._partial)
+
+    def _put_in_force(self, commands: FloatArray) -> None:
+        """Let `torque` look at these commands (5, n)."""
+        self._wanted, self._feed_forward = commands[:_EFFORT], commands[_EFFORT]
+        self._gain = commands[_STIFFNESS:]
 
     # -- faults for tests -----------------------------------------------------------------------------------------
 
@@ -290,12 +230,12 @@ class VirtualDrives:
         self._forced[joint] = code
         if code:
             self._fault[joint] = code
-        self._refresh(self._heated_ns)
+        self._refresh(self._windings.updated_ns)
 
     @property
     def temperature(self) -> FloatArray:
         """Temperature of each motor, degC."""
-        return self._excess + self._ambient
+        return self._windings.excess + self._windings.ambient
 
     @property
     def error(self) -> npt.NDArray[np.uint8]:
@@ -304,51 +244,35 @@ class VirtualDrives:
 
     # -- construction ---------------------------------------------------------------------------------------------
 
-    def _configure(self, models: Sequence[DriveModel]) -> None:
-        joints = self.joints
-        self._multiplier = column(joints, "multiplier")
-        self._bus = column(joints, "bus", np.uint8)
-        self._first, self._last = np.array([joint.ranges.position for joint in joints]).T.copy()
-        self._middle, self._span = 0.5 * (self._first + self._last), self._last - self._first
+    def _prepare_commands(self, count: int) -> None:
+        self._command_word, self._commanded_ns = np.zeros(count, np.uint64), np.zeros(count, np.int64)
+        self._decoded = self._codec.decode_commands(self._command_word)
+        self._latched, self._partial = np.zeros((2, 5, count))
+        self._all_obey = False
+        self._error = np.zeros((2, count))
+        self._elastic, self._viscous = self._error
 
-        def of(name: str) -> FloatArray:
-            return np.array([getattr(model, name) for model in models], np.float64)
-
-        peak = of("peak_torque")
-        self._torque_per_speed = peak / of("no_load_speed")
-        self._stall, self._bound_high = np.stack([peak, -peak]), np.stack([peak, 0 * peak])
-        self._bound_low = np.stack([0 * peak, -peak])
-        self._radians_per_count = 2 * math.pi / of("encoder_counts")
-        self._counts = self._multiplier / self._radians_per_count
-        self._velocity_noise = of("velocity_noise")
-        self._timeout_ns = of("command_timeout_ns").astype(np.int64)
-        self._shortest_timeout_ns = int(self._timeout_ns.min())
-        self._timeout_damping = of("timeout_damping")
-        self._ambient, self._cooling_rate = of("ambient_temperature"), 1 / of("cooling_time")
-        self._heating = of("heating") * of("cooling_time")
-        self._excess_limit = of("temperature_limit") - self._ambient
-        self._overheat_code = code_of(self.dialect, FaultKind.MOTOR_OVER_TEMPERATURE) or 0
-        ids = [self.dialect.reply_id(joint.drive_id, joint.master_id) for joint in joints]
-        self._reply_frames = make_frames(ids, self.dialect.reply_length)
-        self._reply_word = self._reply_frames.view(FRAME_WORDS)["word"]
-        rows = self._codec.replies.rows
+    def _prepare_replies(self, models: Sequence[DriveModel]) -> None:
+        """Reply values are kept where they are computed: the measurement, the torque, the rest when it changes."""
+        rows, joints = self._codec.replies.rows, self.joints
+        self._reply_values = np.zeros((len(rows), len(joints)))
+        self._measured, self.applied = self._reply_values[:2], self._reply_values[rows["effort"]]
         self._error_row = rows.get("error")
         self._temperature_rows = [rows[name] for name in ("temperature", "driver_temperature") if name in rows]
-        self._reply_values = np.zeros((len(rows), len(joints)))
+        for row in self._temperature_rows:
+            self._reply_values[row] = self.temperature
         bits = next(field.bits for field in self.dialect.reply if field.name == "id")
         self._reply_values[rows["id"]] = [joint.drive_id & ((1 << bits) - 1) for joint in joints]
         if "voltage" in rows:
-            self._reply_values[rows["voltage"]] = of("bus_voltage")
+            self._reply_values[rows["voltage"]] = parameter(models, "bus_voltage")
+        ids = [self.dialect.reply_id(joint.drive_id, joint.master_id) for joint in joints]
+        self._reply_frames = make_frames(ids, self.dialect.reply_length)
+        self._reply_word = self._reply_frames.view(FRAME_WORDS)["word"]
+        self._reply_opaque = self._reply_frames.view((np.void, FRAME_SIZE))
 
-    def _reset_state(self) -> None:
-        count = len(self.joints)
-        self._commands, self._command_word = np.zeros((5, count)), np.zeros(count, np.uint64)
-        self._commanded_ns = np.zeros(count, np.int64)
-        self.enabled, self._muted, self._hot = np.zeros((3, count), np.bool_)
-        self._any_muted = False
-        self._fault, self._forced = np.zeros((2, count), np.uint8)
-        self._zero_counts = self._counts * column(self.joints, "offset")
-        self._measured, self._bound = np.zeros((2, 2, count))
-        self._error, self._gain, self._share = np.zeros((3, 3, count))
-        self._error[0] = 1.0
-        self.applied, self._excess, self._scratch = np.zeros((3, count))
+
+def _inner_units(encoders: Encoders) -> Transform:
+    """From counts, rad/s of the drive and torque at the joint to what the drive's frames hold."""
+    count, per_joint = encoders.radians_per_count, 1 / encoders.multiplier
+    factor = np.stack([count, np.ones_like(count), per_joint, per_joint / count, per_joint])
+    return Transform(factor, np.zeros_like(factor))

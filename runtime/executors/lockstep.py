@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The lockstep executor: every loop in one thread, in virtual time, in a fixed order, as fast as it can.
 
-Results of a loop become visible to other loops, and its frames leave on the bus, at release + budget, exactly as in real
-time; between events the world (a simulator on the far end of the wires) is advanced to the event's time.
+Results of a loop become visible to other loops, and its frames leave on the bus, at release + budget, exactly as in
+real time; between events the world (a simulator on the far end of the wires) is advanced to the event's time.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import heapq
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 from runtime.executors.tick import ENTRY, Manifest, Tick, manifest_of, tick_record
 from runtime.records import Record
@@ -21,14 +21,14 @@ from runtime.tasks import Loop, due
 class InputPort(Protocol):
     """Where bytes enter a loop."""
 
-    def read(self, record: Record, now_ns: int) -> bool:
+    def read(self, record: Any, now_ns: int) -> bool:
         """Fill the record with what arrived up to now; False if nothing did."""
 
 
 class OutputPort(Protocol):
     """Where bytes leave a loop."""
 
-    def write(self, record: Record, now_ns: int) -> None:
+    def write(self, record: Any, now_ns: int) -> None:
         """Send the record's content."""
 
 

@@ -3,8 +3,9 @@
 
     X_i = X_{i-1} + (J_i N_{i-1})^+ (demand_i - J_i X_{i-1}),   N_i = null space projector of J_1 ... J_i
 
-One QR factorisation of the stacked transposed Jacobians holds all of these: with [J_1; J_2; ...]^T = Q R, the projection
-J_i N_{i-1} is R_ii^T Q_i^T, so that the recursion is the forward substitution of R^T y = demand, and X = Q y.
+One QR factorisation of the stacked transposed Jacobians holds all of these: with [J_1; J_2; ...]^T = Q R, the
+projection J_i N_{i-1} is R_ii^T Q_i^T, so that the recursion is the forward substitution of
+R^T y = demand, and X = Q y.
 """
 
 from __future__ import annotations

@@ -47,20 +47,26 @@ class TrunkMotion(NamedTuple):
 
 
 def foothold(
-    config: FootholdConfig, trunk: TrunkMotion, shoulder_x: float, shoulder_y: float, remaining_s: float, stance_s: float
+    config: FootholdConfig,
+    trunk: TrunkMotion,
+    shoulder: tuple[float, float],
+    remaining_s: float,
+    stance_s: float,
 ) -> tuple[float, float]:
     """Horizontal foothold (x, y) in odom.
 
-    The foot lands so that it is below its shoulder at mid-stance (Raibert's neutral point), displaced by the capture term.
+    The foot lands so that it is below its shoulder at mid-stance (Raibert's neutral point), displaced by the capture
+    term.
 
     Args:
         config: parameters.
         trunk: its motion.
-        shoulder_x, shoulder_y: point below which the foot stands at rest, in the base frame, m.
+        shoulder: (x, y) of the point below which the foot stands at rest, in the base frame, m.
         remaining_s: time until the foot lands.
         stance_s: duration of the stance that follows.
     """
     cosine, sine = math.cos(trunk.heading), math.sin(trunk.heading)
+    shoulder_x, shoulder_y = shoulder
     lever_x = cosine * shoulder_x - sine * shoulder_y
     lever_y = sine * shoulder_x + cosine * shoulder_y
     turned = trunk.yaw_rate * (remaining_s + 0.5 * stance_s)

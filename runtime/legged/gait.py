@@ -53,8 +53,8 @@ def phase_progress(config: GaitConfig, phases: list[float]) -> list[float]:
 def knots(config: GaitConfig, cycle_start_ns: int, begin_ns: int, steps: int) -> list[int]:
     """Boundaries of `steps` steps of the horizon from `begin_ns` on, (steps + 1).
 
-    The steps lie on the grid period / steps of the gait itself, so that a step never straddles a change of contacts when
-    the stance fraction is a multiple of 1 / steps; the first step is what is left of the present one.
+    The steps lie on the grid period / steps of the gait itself, so that a step never straddles a change of contacts
+    when the stance fraction is a multiple of 1 / steps; the first step is what is left of the present one.
     """
     grid = config.period_ns // steps
     first = cycle_start_ns + ((begin_ns - cycle_start_ns) // grid + 1) * grid

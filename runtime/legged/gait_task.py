@@ -65,7 +65,7 @@ class GaitTask(Task):
         self._gait, self._swing, self._foothold = gait, swing, footholds
         self._body, self._command, self._safety = body, command, safety
         self._posture, self._output = posture, output
-        self._shoulders = description.shoulder_positions()[:, :2].tolist()
+        self._shoulders = [(x, y) for x, y, _ in description.shoulder_positions().tolist()]
         self._foot_radius = description.foot_radius_m
         self.reads, self.writes = (body, command, safety, posture), (output,)
         self.state: GaitMemory = GaitMemory("/ugv/state/gait", output.sizes)
@@ -82,7 +82,9 @@ class GaitTask(Task):
         self._follow_contacts(stance, progress, body.foot_position.reshape(4, 3))
         touched = memory.touched.tolist()
         self._place_feet(touched, stance, progress)
-        contact = [down and (stands or late > 0.5) for down, stands, late in zip(touched, stance, progress, strict=True)]
+        contact = [
+            down and (stands or late > 0.5) for down, stands, late in zip(touched, stance, progress, strict=True)
+        ]
         self._move_feet(contact, stance, progress)
         output.stamp_ns = now_ns
         output.balancing = balancing
@@ -114,7 +116,7 @@ class GaitTask(Task):
                 memory.touched = True
 
     def _follow_contacts(self, stance: list[bool], progress: list[float], feet: Array) -> None:
-        """Latch touchdowns; a foot lifts off at the start of its swing, and only contact after mid-swing is a touchdown."""
+        """Latch touchdowns; a foot lifts off at the start of its swing and touches down only late in it."""
         memory = self.state
         touched, lift_off, targets = memory.touched, memory.lift_off.reshape(4, 3), memory.foothold.reshape(4, 3)
         loaded, stood = self._body.contact.tolist(), memory.stance.tolist()
@@ -143,9 +145,8 @@ class GaitTask(Task):
         ground = float(body.position[2]) - trunk.height + self._foot_radius / normal_z
         targets = self.state.foothold.reshape(4, 3)
         for foot in searching:
-            shoulder_x, shoulder_y = self._shoulders[foot]
             remaining_s = (1.0 - progress[foot]) * swing_s
-            x, y = foothold(self._foothold, trunk, shoulder_x, shoulder_y, remaining_s, self._gait.stance_s)
+            x, y = foothold(self._foothold, trunk, self._shoulders[foot], remaining_s, self._gait.stance_s)
             drop = (normal_x * (x - trunk.x) + normal_y * (y - trunk.y)) / normal_z
             targets[foot] = x, y, ground - drop
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Convex model predictive control of the trunk by ground reactions (paper 000, eq 5-32, corrected).
 
-State x = (roll pitch yaw, centre of mass, angular velocity, velocity), input u = the forces of the feet in stance, model
+State x = (roll pitch yaw, centre of mass, angular velocity, velocity), input u = forces of the feet in stance, model
 
     x_{k+1} = A_k x_k + B_k u_k + g_k,   cost = sum ||x_{k+1} - x_ref||^2_Q + ||u_k||^2_W
 
@@ -148,8 +148,8 @@ class TrunkMpc:
 def _prediction(horizon: Horizon) -> tuple[Array, Array, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
     """Free response (N, 12) and forced response (12 N, n) of the stacked states, and the (step, foot) of each force.
 
-    With c = A products: a velocity change at step k moves the position at step i by (t_{i+1} - t_{k+1}) + dt_k / 2 times
-    itself, exactly; angles likewise, through T_z^T of the steps in between.
+    A velocity change at step k moves the position at the end of step i by itself times (t_{i+1} - t_{k+1}) + dt_k / 2,
+    exactly; angles likewise, through T_z^T of the steps in between.
     """
     dt, state = horizon.durations, horizon.state
     steps = dt.shape[0]
@@ -166,8 +166,8 @@ def _prediction(horizon: Horizon) -> tuple[Array, Array, tuple[npt.NDArray[np.in
     free[:, 9:] = state[9:]
     free[:, 11] -= GRAVITY * ends
 
-    slots = np.nonzero(horizon.stance)
-    step = slots[0]
+    step, foot = np.nonzero(horizon.stance)
+    slots = step, foot
     spin = rotation_z(state[2])
     inverse_inertia = np.linalg.inv(spin @ horizon.inertia @ spin.T)
     arm = skews(horizon.lever[slots])
@@ -190,7 +190,7 @@ def _prediction(horizon: Horizon) -> tuple[Array, Array, tuple[npt.NDArray[np.in
 
 @cache
 def _friction_pyramids(feet: int, friction: float, force_min: float, force_max: float) -> tuple[Array, Array, Array]:
-    """Bounds and rows |f_t| <= mu f_n, f_min <= f_n <= f_max for forces (tangent, tangent, normal) of each foot (eq 31)."""
+    """Rows |f_t| <= mu f_n and bounds f_min <= f_n <= f_max for (tangent, tangent, normal) of each foot (eq 31)."""
     rows = np.array([[1.0, 0.0, -friction], [-1.0, 0.0, -friction], [0.0, 1.0, -friction], [0.0, -1.0, -friction]])
     tangent = friction * force_max
     lower = np.concatenate((np.tile([-tangent, -tangent, force_min], feet), np.full(4 * feet, -1e9)))

@@ -214,7 +214,7 @@ class MpcTask(Task):
         durations: Array,
         plane: Array,
     ) -> Array:
-        """Contact points minus centre of mass, (N, 4, 3): present contacts and footholds first, neutral points after that."""
+        """Contact points minus centre of mass, (N, 4, 3): present contacts and footholds first, then neutral points."""
         steps = stance.shape[0]
         gait = self._gait_state
         center = np.concatenate((state[None, 3:6], reference[:, 3:6]))

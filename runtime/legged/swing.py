@@ -26,7 +26,7 @@ class SwingConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def _quintic(begin: float, end: float, end_rate: float, s: float) -> tuple[float, float, float]:
-    """Quintic from rest at `begin` to `end` with a final rate and no final curvature: value, rate, curvature at s in [0, 1]."""
+    """Value, rate and curvature at s in [0, 1] of the quintic from rest at `begin` to `end` with a final rate."""
     rise = end - begin
     a3, a4, a5 = 10 * rise - 4 * end_rate, -15 * rise + 7 * end_rate, 6 * rise - 3 * end_rate
     return (
@@ -41,12 +41,13 @@ def foot_reference(
 ) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
     """Position, velocity and acceleration references (3 each) of a foot, in odom.
 
-    Along the ground the motion is minimum-jerk; the height along `normal` rises to the apex at mid-swing and comes down to
-    meet the foothold at the touchdown speed.
+    Along the ground the motion is minimum-jerk; the height along `normal` rises to the apex at mid-swing and comes down
+    to meet the foothold at the touchdown speed.
 
     Args:
         config: shape.
-        lift_off, foothold: foot centres, m.
+        lift_off: foot centre at the begin, m.
+        foothold: foot centre at the end, m.
         normal: of the ground.
         progress: 0 at lift-off, 1 at the scheduled touchdown, more when the ground comes late.
         duration_s: of the swing.

@@ -191,5 +191,7 @@ class WholeBodyLaw:
         output.position = self._joints.position + motion[6:, 0]
         output.velocity = motion[6:, 1]
         output.effort = torque
-        output.stiffness = np.where(standing, config.stance_joint_stiffness_nm_prad, config.swing_joint_stiffness_nm_prad)
+        output.stiffness = np.where(
+            standing, config.stance_joint_stiffness_nm_prad, config.swing_joint_stiffness_nm_prad
+        )
         output.damping = np.where(standing, config.stance_joint_damping_nms_prad, config.swing_joint_damping_nms_prad)

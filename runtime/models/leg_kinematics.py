@@ -94,7 +94,7 @@ class LegKinematics:
         )
 
     def inverse(self, feet: Array) -> Array:
-        """Joint angles (12,) that put the foot centres at `feet` (4, 3); out-of-reach points are drawn to the nearest reach."""
+        """Joint angles (12,) that put the foot centres at `feet` (4, 3), drawn in where they are out of reach."""
         local = feet - self._hips
         radius = np.maximum(np.hypot(local[:, 1], local[:, 2]), np.abs(self._lateral) + 1e-6)
         reach = np.sqrt(radius**2 - self._lateral**2)

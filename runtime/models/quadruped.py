@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a quadruped with ab/ad, hip and knee joints is made of.
 
-Feet are ordered left front, right front, left hind, right hind; joints ab/ad, hip, knee within each leg. Ab/ad turns about
-+x, hip and knee about -y, so that a positive hip angle swings the leg forward (FORMULAS, paper 000, eq 1 corrected).
+Feet are ordered left front, right front, left hind, right hind; joints ab/ad, hip, knee within each leg. Ab/ad turns
+about +x, hip and knee about -y, so that a positive hip angle swings the leg forward (paper 000, eq 1
+corrected).
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class Quadruped(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return np.stack((FORWARD * self.hip_x_m, LEFT * self.hip_y_m, np.zeros(4)), axis=1)
 
     def shoulder_positions(self) -> Array:
-        """Points below which the feet stand when the legs hang straight: hips moved out by the ab/ad link, (4, 3), m."""
+        """Points below which the feet stand at rest: hips moved out by the ab/ad link, (4, 3), m."""
         return self.hip_positions() + np.outer(LEFT, (0.0, self.abad_length_m, 0.0))
 
     def foot_position(self, leg: int, angles: Array) -> Array:

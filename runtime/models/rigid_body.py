@@ -96,9 +96,13 @@ class RigidBody:
         """Evaluate the model.
 
         Args:
-            position, orientation, rotation: of the trunk in odom (orientation as quaternion and, again, as matrix).
-            linear_velocity, angular_velocity: of the trunk in odom.
-            joint_position, joint_velocity: (12,).
+            position: of the trunk in odom, m.
+            orientation: of the trunk, (x, y, z, w).
+            rotation: the same as a matrix, (3, 3).
+            linear_velocity: of the trunk in odom, m/s.
+            angular_velocity: of the trunk in odom, rad/s.
+            joint_position: (12,), rad.
+            joint_velocity: (12,), rad/s.
         """
         q, v, data, model = self._q, self._v, self.data, self.model
         q[:3], q[3:7], q[7:] = position, orientation, joint_position
@@ -118,9 +122,7 @@ class RigidBody:
         self.inertia = data.Ig.inertia
         # forwardKinematics was given zero *spatial* trunk acceleration, which is a classical acceleration w x v
         base_drift = rotation @ drift
-        moved = [
-            pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED) for frame in self._feet
-        ]
+        moved = [pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED) for frame in self._feet]
         self.foot_position = np.array([data.oMf[frame].translation for frame in self._feet])
         self.foot_drift = np.array([motion.linear for motion in moved]) - base_drift
         self.shank_drift = np.array([motion.angular for motion in moved])

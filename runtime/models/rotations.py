@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rotations: quaternions (x, y, z, w), roll-pitch-yaw (R = Rz Ry Rx), SO(3) logarithm; written for one at a time, fast."""
+"""Rotations, one at a time: quaternions (x, y, z, w), roll-pitch-yaw (R = Rz Ry Rx), SO(3) logarithm."""
 
 from __future__ import annotations
 

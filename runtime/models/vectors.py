@@ -17,7 +17,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def skew(vector: Array) -> Array:
-    """The matrix (3, 3) with skew(a) b = a x b, and b skew(a) = b x a for a row b."""
+    """Cross-product matrix (3, 3) of a: times a column b it gives a x b, and a row b times it gives b x a."""
     x, y, z = vector.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 

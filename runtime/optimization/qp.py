@@ -3,8 +3,8 @@
 
     minimise 1/2 x^T H x + g^T x   subject to   lower <= [x; C x] <= upper
 
-Each solve is stateless: the same numbers give the same bits in any process, which replay depends on. The status *and* the
-residual of every solve are checked.
+Each solve is stateless: the same numbers give the same bits in any process, which replay depends on. The status *and*
+the residual of every solve are checked.
 """
 
 from __future__ import annotations
@@ -47,7 +47,13 @@ class QpSolver(Protocol):
     """Solves a strictly convex QP whose first bounds are on the variables and the others on `constraints @ x`."""
 
     def solve(
-        self, hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array, guess: Array | None = None
+        self,
+        hessian: Array,
+        gradient: Array,
+        constraints: Array,
+        lower: Array,
+        upper: Array,
+        guess: Array | None = None,
     ) -> QpSolution:
         """Solve from scratch; `guess` is an optional first iterate."""
 
@@ -85,7 +91,13 @@ class Daqp:
         self._iteration_limit = iteration_limit
 
     def solve(
-        self, hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array, guess: Array | None = None
+        self,
+        hessian: Array,
+        gradient: Array,
+        constraints: Array,
+        lower: Array,
+        upper: Array,
+        guess: Array | None = None,
     ) -> QpSolution:
         """Solve; see `QpSolver`."""
         if not _is_finite(hessian, gradient):
@@ -128,7 +140,13 @@ class Proxqp:
         self._iteration_limit, self._accuracy = iteration_limit, accuracy
 
     def solve(
-        self, hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array, guess: Array | None = None
+        self,
+        hessian: Array,
+        gradient: Array,
+        constraints: Array,
+        lower: Array,
+        upper: Array,
+        guess: Array | None = None,
     ) -> QpSolution:
         """Solve; see `QpSolver`."""
         variables = gradient.shape[0]

@@ -27,7 +27,8 @@ class SimulationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         imu_rate_hz, imu_acceleration_noise, imu_rate_noise: sampling and noise density, m/s^2 and rad/s per root hertz.
         imu_acceleration_bias_mps2, imu_rate_bias_radps: standard deviations of the initial biases.
         imu_acceleration_walk, imu_rate_walk: random walks of the biases.
-        localization_rate_hz, localization_position_m, localization_angle_rad, localization_latency_ns: the stand-in for SLAM.
+        localization_rate_hz, localization_position_m, localization_angle_rad, localization_latency_ns: of the stand-in
+            for SLAM.
         battery_v, battery_resistance_ohm, battery_capacity_ah: of the battery.
     """
 

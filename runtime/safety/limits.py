@@ -22,7 +22,8 @@ class SafetyConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Limits. Joint limits are for ab/ad, hip and knee of a left leg; ab/ad is mirrored on the right.
 
     Attributes:
-        position_min_rad, position_max_rad: commands beyond are clipped; measured positions `position_margin_rad` beyond damp.
+        position_min_rad, position_max_rad: commands beyond are clipped; a measured position more than
+            `position_margin_rad` beyond damps the robot.
         position_margin_rad: as said.
         velocity_max_radps: measured joint velocities above damp the robot.
         effort_max_nm: feed-forward torques above are clipped.
@@ -30,7 +31,8 @@ class SafetyConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         tilt_max_rad: angle between the trunk's z axis and the vertical.
         temperature_max_degc: of a drive.
         voltage_min_v, voltage_max_v: of the battery.
-        imu_age_max_ns, motor_age_max_ns, forces_age_max_ns, command_age_max_ns, localization_age_max_ns: staleness bounds.
+        imu_age_max_ns, motor_age_max_ns, forces_age_max_ns, command_age_max_ns, localization_age_max_ns: staleness
+            bounds.
         damping_nms_prad: of a damped joint.
     """
 

@@ -9,7 +9,7 @@ from runtime.signals import Mode, Motion, Stance
 def next_mode(mode: Mode, healthy: bool, armed: bool, reset: bool, motion: Motion, stance: Stance) -> Mode:
     """The state that follows.
 
-    DAMPED is latched: leaving it takes a healthy robot, an explicit reset with the arm withdrawn, and then a separate arm.
+    DAMPED is latched: leaving it takes a healthy robot and an explicit reset with the arm withdrawn, then a new arm.
 
     Args:
         mode: present state.

@@ -5,17 +5,17 @@ import json
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from runtime.recording import mcap_scan
 from runtime.recording.compare import first_log_difference
 from runtime.recording.log import Log
-from tests_e2e_types import Ugv
 
 pytestmark = pytest.mark.xdist_group("walk")
 
+Ugv = Callable[..., subprocess.CompletedProcess[str]]
 TASKS = ("decode", "estimator", "posture", "gait", "locomotion", "safety", "encode", "tracker", "mpc")
 NO_MUJOCO = """
 import sys
@@ -102,7 +102,6 @@ def test_a_change_reports_how_the_outputs_move(ugv: Ugv, run_directory: Path) ->
 def test_a_flipped_bit_of_an_input_is_found_and_named(ugv: Ugv, run_directory: Path, tmp_path: Path) -> None:
     run = tmp_path / "altered"
     shutil.copytree(run_directory, run)
-    (file,) = run.glob("*.mcap")
     recorded = ugv("log", "recover", run)
     assert recorded.returncode == 0, recorded.stderr
     (file,) = run.with_name("altered-recovered").glob("*.mcap")
@@ -116,7 +115,7 @@ def test_a_flipped_bit_of_an_input_is_found_and_named(ugv: Ugv, run_directory: P
 
 def flip_in_the_imu(file: Path, data: bytearray) -> str:
     """Flip a bit of the angular velocity of one IMU sample in the middle of an uncompressed log."""
-    messages = [m for m in Log(file).messages(["/ugv/imu"])]
+    messages = list(Log(file).messages(["/ugv/imu"]))
     body = bytes(messages[len(messages) // 2].body)
     at = bytes(data).index(body) + 16 + 24
     data[at] ^= 1
@@ -129,8 +128,12 @@ def test_a_scenario_that_fails_its_criteria_ends_with_one(ugv: Ugv, short_path: 
     assert "NOT completed" in done.stdout
 
 
-def test_a_robot_that_faults_ends_with_three(ugv: Ugv, short_path: Path, tmp_path: Path) -> None:
-    done = ugv("sil", "uslgo1", short_path, "--set", "safety.voltage_min_v=32", "--out", tmp_path / "flat-battery")
+@pytest.mark.parametrize(
+    ("key", "fault"), [("voltage_min_v=32", "VOLTAGE"), ("forces_age_max_ns=1000000", "STALE_FORCES")]
+)
+def test_a_robot_that_faults_ends_with_three(ugv: Ugv, short_path: Path, tmp_path: Path, key: str, fault: str) -> None:
+    done = ugv("sil", "uslgo1", short_path, "--set", f"safety.{key}", "--out", tmp_path / "faulty")
     assert done.returncode == 3, done.stderr
-    assert "FAULT VOLTAGE" in done.stdout
-    assert json.loads((tmp_path / "flat-battery" / "summary.json").read_text())["fault"] == "VOLTAGE"
+    assert f"FAULT {fault}" in done.stdout
+    assert json.loads((tmp_path / "faulty" / "summary.json").read_text())["fault"] == fault
+    assert ugv("replay", tmp_path / "faulty").returncode == 0

@@ -13,7 +13,8 @@ from drivers.errors import DriverConfigError
 from drivers.joint_group import REJECTED, JointGroup, Readings
 from drivers.joints import Joint
 from drivers.memory_bus import End, MemoryBus
-from sim_bridge.virtual_drive import DriveModel, VirtualDrives
+from sim_bridge.drive_model import DriveModel
+from sim_bridge.virtual_drive import VirtualDrives
 
 RANGES = Ranges((-12.5, 12.5), (-65.0, 65.0), (-40.0, 40.0), (0.0, 500.0), (0.0, 5.0))
 MODEL = DriveModel(

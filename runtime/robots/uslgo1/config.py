@@ -94,9 +94,10 @@ class DrivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         dialect: of the MIT-mode protocol.
         bit_rate_hz: of every bus.
         bus, can_id, direction: of each joint.
-        offset_rad, gear_ratio: of every joint: angle at which a drive reads zero, turns of the drive per turn of the joint.
-        position_range_rad, velocity_range_radps, effort_range_nm, stiffness_range_nm_prad, damping_range_nms_prad: what the
-            ends of the protocol's fields mean.
+        offset_rad: angle of each joint at which its drive reads zero.
+        gear_ratio: turns of the drive per turn of the joint.
+        position_range_rad, velocity_range_radps, effort_range_nm, stiffness_range_nm_prad, damping_range_nms_prad: what
+            the ends of the protocol's fields mean.
         command_age_max_ns: an older command is replaced by damping.
         fallback_damping_nms_prad: that damping.
     """
@@ -202,12 +203,15 @@ class Uslgo1Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         step_ns = self.simulation.time_step_ns
         if self.loops.wbc_period_ns % step_ns:
             raise ConfigError(
-                f"simulation.time_step_ns = {step_ns} does not divide the fast loop's period of {self.loops.wbc_period_ns}"
+                f"simulation.time_step_ns = {step_ns} does not divide the fast loop's period of "
+                f"{self.loops.wbc_period_ns}"
             )
         for key in ("imu_rate_hz", "localization_rate_hz"):
             rate = getattr(self.simulation, key)
             if NS_PER_SECOND % (rate * step_ns):
-                raise ConfigError(f"simulation.{key} = {rate} gives a period that is no multiple of time_step_ns = {step_ns}")
+                raise ConfigError(
+                    f"simulation.{key} = {rate} gives a period that is no multiple of time_step_ns = {step_ns}"
+                )
         for key in ("height_m", "sitting_height_m"):
             height = getattr(self.posture, key)
             try:
@@ -216,12 +220,14 @@ class Uslgo1Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 raise ConfigError(f"posture.{key} = {height}: {error}") from None
         if self.tracker.course_lag_s != self.kalman.course_time_s:
             raise ConfigError(
-                f"tracker.course_lag_s = {self.tracker.course_lag_s} is not kalman.course_time_s = {self.kalman.course_time_s}"
+                f"tracker.course_lag_s = {self.tracker.course_lag_s} differs from "
+                f"kalman.course_time_s = {self.kalman.course_time_s}"
             )
         grid = self.mpc.steps * self.gait.stance_fraction
         if abs(grid - round(grid)) > 1e-9:
             raise ConfigError(
-                f"gait.stance_fraction = {self.gait.stance_fraction} is no multiple of 1 / mpc.steps = 1 / {self.mpc.steps}"
+                f"gait.stance_fraction = {self.gait.stance_fraction} is no multiple of "
+                f"1 / mpc.steps = 1 / {self.mpc.steps}"
             )
         if self.gait.period_ns % self.mpc.steps:
             raise ConfigError(f"gait.period_ns = {self.gait.period_ns} is no multiple of mpc.steps = {self.mpc.steps}")

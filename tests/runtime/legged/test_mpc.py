@@ -118,10 +118,23 @@ def test_swing_feet_are_not_variables(seed):
 def test_both_solvers_give_the_same_plan(seed):
     horizon = wild(seed)
     one, other = (TrunkMpc(CONFIG, solver()).plan(horizon) for solver in (Daqp, Proxqp))
-    assert one.solved and other.solved
+    assert one.solved and other.solved, (one.solved, other.solved)
     assert one.cost == pytest.approx(other.cost, rel=1e-6, abs=1e-6)
     # the force weight of 1e-5 leaves the internal forces loosely determined
     np.testing.assert_allclose(one.force, other.force, atol=0.05)
+
+
+@settings(max_examples=15)
+@given(SEEDS)
+def test_proxqp_at_a_scale_of_its_own_finds_the_same_plan(seed):
+    """The objective times 1000, so that proxqp's absolute thresholds fit: an independent optimum for every horizon."""
+    horizon = wild(seed)
+    mpc = TrunkMpc(CONFIG, Daqp())
+    problem, plan = mpc.condense(horizon), mpc.plan(horizon)
+    scaled = Proxqp(accuracy=1e-6).solve(1e3 * problem.hessian, 1e3 * problem.gradient, *problem[2:5])
+    assert plan.solved and scaled.solved
+    assert 1e-3 * scaled.cost == pytest.approx(plan.cost, rel=1e-6, abs=1e-6)
+    np.testing.assert_allclose(plan.force[problem.slots], scaled.x.reshape(-1, 3) @ horizon.plane.T, atol=0.05)
 
 
 @settings(max_examples=15)

@@ -1,0 +1,311 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever is commanded and whatever breaks: limits hold, each fault has its name, and damping is damping."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from runtime import signals
+from runtime.errors import ConfigError
+from runtime.safety.filter_task import SafetyTask
+from runtime.safety.limits import SafetyConfig, joint_bounds, tilt
+from runtime.signals import Fault, Mode, Motion, Stance
+
+SIZES = {"joint": 12, "foot": 4, "foot_xyz": 12, "knot": 11, "horizon_foot": 40, "horizon_xyz": 120}
+CONFIG = SafetyConfig()
+MS = 1_000_000
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+MOSTLY_SANE = st.one_of(st.floats(-100.0, 100.0), ANY)
+
+
+class Rig:
+    """A safety filter with healthy inputs, in a mode."""
+
+    def __init__(self, mode=Mode.ACTIVE, config=CONFIG):
+        self.now_ns = 10_000 * MS
+        self.imu, self.battery = signals.Imu("/imu"), signals.Battery("/battery")
+        self.joints, self.body = signals.JointState("/joints", SIZES), signals.BodyState("/body", SIZES)
+        self.operator, self.posture = signals.OperatorRequest("/operator"), signals.Posture("/posture", SIZES)
+        self.gait, self.forces = signals.Gait("/gait", SIZES), signals.ContactForces("/forces", SIZES)
+        self.command, self.output = (signals.JointCommand(topic, SIZES) for topic in ("/command", "/safe"))
+        self.status = signals.SafetyStatus("/status")
+        self.low, self.high = joint_bounds(config)
+        self.joints.position = 0.5 * (self.low + self.high)
+        self.joints.temperature = 40.0
+        self.body.orientation = (0.0, 0.0, 0.0, 1.0)
+        self.battery.voltage = 29.0
+        self.operator.motion, self.operator.arm = Motion.WALK, True
+        self.posture.stance = Stance.STANDING
+        self.gait.walking = True
+        self.command.position = self.joints.position
+        self.command.stiffness, self.command.damping = 30.0, 1.0
+        self.task = SafetyTask(
+            config,
+            2 * MS,
+            self.imu,
+            self.joints,
+            self.body,
+            self.battery,
+            self.operator,
+            self.posture,
+            self.gait,
+            self.forces,
+            self.command,
+            self.output,
+            self.status,
+        )
+        self.task.state.mode = mode
+
+    def step(self, keep=()):
+        """One tick with everything fresh, but for what `keep` names."""
+        self.now_ns += 2 * MS
+        for name in ("imu", "forces", "operator"):
+            if name not in keep:
+                getattr(self, name).stamp_ns = self.now_ns
+        if "joints" not in keep:
+            self.joints.reply_ns = self.now_ns - MS
+        self.task.step(self.now_ns)
+        return self.status
+
+    @property
+    def damping(self):
+        return (
+            not self.output.stiffness.any()
+            and not self.output.effort.any()
+            and not self.output.velocity.any()
+            and (self.output.damping == CONFIG.damping_nms_prad).all()
+        )
+
+
+def test_a_healthy_robot_is_left_alone():
+    rig = Rig()
+    rig.command.effort, rig.command.velocity = 5.0, 2.0
+    rig.step()
+    for name in ("position", "velocity", "effort", "stiffness", "damping"):
+        np.testing.assert_array_equal(getattr(rig.output, name), getattr(rig.command, name))
+    assert (rig.status.mode, rig.status.fault, rig.status.warning, rig.status.limited) == (Mode.ACTIVE, 0, 0, 0)
+    assert rig.output.stamp_ns == rig.now_ns
+
+
+@settings(max_examples=300)
+@given(*(hnp.arrays(np.float64, 12, elements=MOSTLY_SANE) for _ in range(3)), hnp.arrays(np.float64, (2, 12), elements=MOSTLY_SANE))
+def test_any_command_comes_out_finite_and_within_limits_or_as_damping(position, velocity, effort, gains):
+    rig = Rig()
+    rig.command.position, rig.command.velocity, rig.command.effort = position, velocity, effort
+    rig.command.stiffness, rig.command.damping = gains
+    rig.step()
+    out = rig.output
+    for name in ("position", "velocity", "effort", "stiffness", "damping"):
+        assert np.isfinite(getattr(out, name)).all()
+    assert (np.abs(out.effort) <= CONFIG.effort_max_nm).all()
+    if rig.damping:
+        assert rig.status.mode == Mode.DAMPED
+    else:
+        assert (out.position >= rig.low).all() and (out.position <= rig.high).all()
+        altered = (out.position != position) | (out.effort != effort)
+        assert rig.status.limited == np.count_nonzero(altered)
+    if not all(np.isfinite(part).all() for part in (position, velocity, effort, gains)):
+        assert rig.damping and rig.status.fault & Fault.NON_FINITE_COMMAND
+
+
+def test_commanded_velocity_is_limited():
+    """The issue asks for it: torque, velocity, position and rate limits."""
+    rig = Rig()
+    rig.command.velocity = 1e6
+    rig.step()
+    assert rig.damping or (np.abs(rig.output.velocity) <= CONFIG.velocity_max_radps).all()
+
+
+def test_gains_are_never_negative():
+    rig = Rig()
+    rig.command.stiffness, rig.command.damping = -30.0, -1.0
+    rig.step()
+    assert (rig.output.stiffness >= 0.0).all() and (rig.output.damping >= 0.0).all()
+
+
+def test_torque_changes_no_faster_than_its_rate():
+    config = SafetyConfig(effort_rate_max_nmps=1000.0)
+    rig = Rig(config=config)
+    rig.command.effort = 30.0
+    reached = []
+    for _ in range(16):
+        rig.step()
+        reached.append(rig.output.effort[0])
+    np.testing.assert_allclose(np.diff([0.0, *reached]), [2.0] * 15 + [0.0], atol=1e-9)
+    rig.command.effort = -30.0
+    rig.step()
+    assert rig.output.effort[0] == pytest.approx(28.0)
+
+
+BREAK = {
+    "stale imu": (lambda rig: None, ("imu",), Fault.STALE_IMU),
+    "stale motor": (lambda rig: None, ("joints",), Fault.STALE_MOTOR),
+    "silent motor": (lambda rig: rig.joints.reply_ns.__setitem__(7, 0), ("joints",), Fault.STALE_MOTOR),
+    "stale forces": (lambda rig: None, ("forces",), Fault.STALE_FORCES),
+    "stale operator": (lambda rig: None, ("operator",), Fault.STALE_BODY_COMMAND),
+    "motor error": (lambda rig: rig.joints.error.__setitem__(3, 2), (), Fault.MOTOR_FAULT),
+    "heat": (lambda rig: rig.joints.temperature.__setitem__(11, 85.1), (), Fault.TEMPERATURE),
+    "under-voltage": (lambda rig: setattr(rig.battery, "voltage", 19.9), (), Fault.VOLTAGE),
+    "over-voltage": (lambda rig: setattr(rig.battery, "voltage", 34.1), (), Fault.VOLTAGE),
+    "tilt": (lambda rig: setattr(rig.body, "orientation", (np.sin(0.505), 0, 0, np.cos(0.505))), (), Fault.TILT),
+    "upside down": (lambda rig: setattr(rig.body, "orientation", (1.0, 0, 0, 0)), (), Fault.TILT),
+    "orientation is nan": (lambda rig: setattr(rig.body, "orientation", (0, np.nan, 0, 1)), (), Fault.TILT),
+    "speed": (lambda rig: rig.joints.velocity.__setitem__(2, -30.1), (), Fault.JOINT_VELOCITY),
+    "speed is nan": (lambda rig: rig.joints.velocity.__setitem__(2, np.nan), (), Fault.JOINT_VELOCITY),
+    "position": (lambda rig: rig.joints.position.__setitem__(4, rig.high[4] + 0.16), (), Fault.JOINT_POSITION),
+    "position is nan": (lambda rig: rig.joints.position.__setitem__(4, np.nan), (), Fault.JOINT_POSITION),
+    "command is nan": (lambda rig: rig.command.damping.__setitem__(0, np.nan), (), Fault.NON_FINITE_COMMAND),
+    "command is infinite": (lambda rig: rig.command.effort.__setitem__(0, -np.inf), (), Fault.NON_FINITE_COMMAND),
+}
+AGE = {
+    "stale imu": CONFIG.imu_age_max_ns,
+    "stale motor": CONFIG.motor_age_max_ns - MS,
+    "silent motor": 0,
+    "stale forces": CONFIG.forces_age_max_ns,
+    "stale operator": CONFIG.command_age_max_ns,
+}
+
+
+@pytest.mark.parametrize("name", BREAK)
+def test_each_cause_raises_its_own_fault_and_damps(name):
+    cause, keep, fault = BREAK[name]
+    rig = Rig()
+    rig.step()
+    assert rig.status.mode == Mode.ACTIVE and not rig.damping
+    cause(rig)
+    for _ in range(AGE.get(name, 0) // (2 * MS)):
+        rig.step(keep)
+        assert rig.status.mode == Mode.ACTIVE, "within its bound it is no fault"
+    rig.step(keep)
+    assert rig.status.mode == Mode.DAMPED
+    assert Fault(rig.status.fault) == Fault(rig.status.warning) == fault
+    assert rig.status.faults == 1
+    if "nan" in name and "position" in name:
+        return
+    assert rig.damping
+
+
+@pytest.mark.parametrize("name", BREAK)
+def test_a_fault_stays_latched_when_its_cause_has_gone(name):
+    cause, keep, fault = BREAK[name]
+    rig, healthy = Rig(), Rig()
+    cause(rig)
+    for _ in range(AGE.get(name, 0) // (2 * MS) + 1):
+        rig.step(keep)
+    for part in ("joints", "body", "battery", "command"):
+        getattr(rig, part).copy_from(getattr(healthy, part))
+    for _ in range(20):
+        rig.step()
+        assert rig.damping and rig.status.mode == Mode.DAMPED
+        assert rig.status.fault == fault and rig.status.warning == 0
+
+
+def test_out_of_damped_by_reset_and_then_a_separate_arm():
+    rig = Rig(Mode.DAMPED)
+    rig.posture.stance = Stance.RESTING
+    rig.operator.reset = True
+    rig.step()
+    assert rig.status.mode == Mode.DAMPED, "the arm is still held"
+    rig.operator.arm = False
+    rig.step()
+    assert rig.status.mode == Mode.STANDBY and rig.damping and rig.status.fault == 0
+    rig.operator.reset = False
+    for _ in range(5):
+        rig.step()
+        assert rig.status.mode == Mode.STANDBY and rig.damping
+    rig.operator.arm = True
+    rig.step()
+    assert rig.status.mode == Mode.STANDING and rig.damping
+    rig.step()
+    assert not rig.damping
+
+
+@pytest.mark.parametrize("which", ["linear_acceleration", "angular_velocity"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_sensor_value_that_is_not_finite_is_a_warning_only(which, value):
+    rig = Rig()
+    getattr(rig.imu, which)[1] = value
+    rig.step()
+    assert (rig.status.mode, Fault(rig.status.warning), rig.status.fault) == (Mode.ACTIVE, Fault.NON_FINITE_SENSOR, 0)
+    assert not rig.damping
+
+
+def test_opposite_infinities_do_not_cancel():
+    rig = Rig()
+    rig.imu.linear_acceleration = (np.inf, -np.inf, 0.0)
+    rig.step()
+    assert rig.status.warning == Fault.NON_FINITE_SENSOR
+    rig.command.effort[:2] = np.inf, -np.inf
+    rig.step()
+    assert rig.status.fault & Fault.NON_FINITE_COMMAND and rig.damping
+
+
+def test_lost_localisation_is_a_warning_only():
+    rig = Rig()
+    rig.body.localization_age_ns = CONFIG.localization_age_max_ns + 1
+    rig.step()
+    assert (rig.status.mode, Fault(rig.status.warning)) == (Mode.ACTIVE, Fault.STALE_LOCALIZATION)
+
+
+def test_a_drive_that_reports_no_temperature_is_not_hot():
+    rig = Rig()
+    rig.joints.temperature = np.nan
+    assert rig.step().mode == Mode.ACTIVE
+    rig.joints.temperature[5] = 90.0
+    assert rig.step().fault == Fault.TEMPERATURE
+
+
+def test_forces_may_be_old_while_standing():
+    rig = Rig()
+    rig.gait.walking = False
+    for _ in range(200):
+        rig.step(("forces",))
+    assert rig.status.mode == Mode.ACTIVE
+
+
+@pytest.mark.parametrize("mode", [Mode.OFF, Mode.STANDBY, Mode.DAMPED])
+def test_without_power_the_output_is_damping_whatever_is_commanded(mode):
+    rig = Rig(mode)
+    rig.operator.arm = False
+    rig.command.effort = 20.0
+    for _ in range(5):
+        rig.step()
+        assert rig.damping
+
+
+def test_a_robot_whose_drives_never_answered_stays_off():
+    rig = Rig(Mode.OFF)
+    rig.joints.reply_ns = 0
+    for _ in range(50):
+        assert rig.step(("joints",)).mode == Mode.OFF
+    assert rig.step().mode == Mode.STANDBY
+
+
+def test_right_legs_have_mirrored_abad_limits():
+    low, high = joint_bounds(SafetyConfig(position_min_rad=(-0.4, -2.0, 0.1), position_max_rad=(0.9, 1.0, 2.0)))
+    assert low[[0, 3, 6, 9]].tolist() == [-0.4, -0.9, -0.4, -0.9]
+    assert high[[0, 3, 6, 9]].tolist() == [0.9, 0.4, 0.9, 0.4]
+    assert low.reshape(4, 3)[:, 1:].tolist() == [[-2.0, 0.1]] * 4
+
+
+@given(st.floats(-3.1, 3.1), st.floats(0.0, 3.1), st.floats(-3.1, 3.1))
+def test_tilt_is_the_angle_of_the_trunks_z_axis_at_any_yaw(yaw, angle, direction):
+    half = 0.5 * angle
+    lean = np.array([np.cos(direction) * np.sin(half), np.sin(direction) * np.sin(half), 0.0, np.cos(half)])
+    z, w = np.sin(0.5 * yaw), np.cos(0.5 * yaw)
+    turned = np.array([w * lean[0] - z * lean[1], w * lean[1] + z * lean[0], w * lean[2] + z * lean[3], w * lean[3] - z * lean[2]])
+    assert tilt(turned) == pytest.approx(angle, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"position_min_rad": (0.0, 2.0, 0.0)}, "position_min_rad = 2.0 is not below position_max_rad = 1.5"),
+        ({"voltage_min_v": 40.0}, "voltage_min_v = 40.0 is not below voltage_max_v = 34.0"),
+    ],
+)
+def test_limits_that_contradict_each_other_are_named(change, message):
+    with pytest.raises(ConfigError, match=message):
+        SafetyConfig(**change).check()
