@@ -31,7 +31,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@touch $(STAMP)
 
 test: venv  ## Run all tests.
-	$(BIN)/pytest -n $(WORKERS) $(TEST_ARGS)
+	$(BIN)/pytest -n $(WORKERS) --dist loadgroup $(TEST_ARGS)
 
 lint: venv  ## Check style, types and import rules.
 	$(BIN)/ruff check .

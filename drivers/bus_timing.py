@@ -15,17 +15,23 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from drivers.can_frame import CAN_EFF_FLAG, CAN_RTR_FLAG, arbitration_priority, max_frame_bits
+from drivers.can_frame import (
+    CAN_EFF_FLAG,
+    CAN_FRAME,
+    CAN_RTR_FLAG,
+    FRAME_SIZE,
+    arbitration_priority,
+    max_frame_bits,
+)
 from drivers.errors import FrameError
 
 NS_PER_SECOND = 1_000_000_000
 _REMEMBERED = 1024
 _FORGOTTEN_NS = -NS_PER_SECOND
 """A bus that fell free longer ago counts as free since then, so that idle buses are soon all alike."""
-_ID_BITS = 32
 
-Rows = npt.NDArray[np.intp]
-"""Rows of the frames held on the buses, in the order in which they were sent."""
+Rows = tuple[slice, ...]
+"""Which of the frames held on the buses (in the order in which they were sent), as slices of their bytes."""
 
 
 class Waiting(NamedTuple):
@@ -114,8 +120,8 @@ class Timetable:
 
     Attributes:
         start: empty buses.
-        send: (situation, end, heads, buses, ready) -> `Sending`; the bytes of a batch's identifiers with lengths (uint64)
-            and of its bus indices (uint8); `ready` is one time for all or the bytes of the times (int64).
+        send: (situation, end, heads, buses, ready) -> `Sending`; `heads` as `patterns.heads` gives them, the bytes of the
+            bus indices (uint8), one time for all or the bytes of the times (int64).
         receive: (situation, end, until, limit) -> `Delivery`; at most `limit` frames if it is not None.
     """
 
@@ -126,22 +132,22 @@ class Timetable:
         self.receive = lru_cache(_REMEMBERED)(self._receive)
         self.start = self._situation((0,) * buses, (), ((), ()))
 
-    def _send(self, before: Situation, end: int, heads: bytes, bus: bytes, ready_ns: int | bytes) -> Sending:
+    def _send(self, before: Situation, end: int, heads: int, bus: bytes, ready_ns: int | bytes) -> Sending:
         times = [ready_ns] * len(bus) if isinstance(ready_ns, int) else np.frombuffer(ready_ns, np.int64).tolist()
         waiting, accepted = list(before.waiting), []
         row = len(waiting) + sum(map(len, before.arrived))
-        for index, (wire, head, ready) in enumerate(
-            zip(bus, np.frombuffer(heads, np.uint64).tolist(), times, strict=True)
-        ):
+        frames = np.frombuffer(heads.to_bytes(FRAME_SIZE * len(bus), "little"), CAN_FRAME)
+        fields = zip(bus, frames["can_id"].tolist(), frames["length"].tolist(), times, strict=True)
+        for index, (wire, can_id, length, ready) in enumerate(fields):
             if wire >= len(before.free_ns):
                 raise FrameError(f"there is no bus {wire}: {len(before.free_ns)} buses are configured")
             if sum(frame.sender == end and frame.bus == wire for frame in waiting) < self._queue_capacity:
-                priority, duration_ns = self._airtime(head & ((1 << _ID_BITS) - 1), head >> _ID_BITS & 0xFF)
+                priority, duration_ns = self._airtime(can_id, length)
                 waiting.append(Waiting(priority, row + len(accepted), duration_ns, end, wire, ready))
                 accepted.append(index)
         lost = len(bus) - len(accepted)
         after = self._situation(before.free_ns, tuple(waiting), before.arrived)
-        return Sending(after, np.array(accepted, np.intp) if lost else None, lost)
+        return Sending(after, _rows(accepted) if lost else None, lost)
 
     def _airtime(self, can_id: int, length: int) -> tuple[int, int]:
         """Priority of a frame, and ns that it occupies the bus."""
@@ -184,11 +190,10 @@ class Timetable:
             tuple(sorted(w._replace(row=row_of[w.row], ready_ns=w.ready_ns - until_ns) for w in waiting)),
             (_moved(queues[0], row_of, until_ns), _moved(queues[1], row_of, until_ns)),
         )
-        rows = np.array([frame.row for frame in taken], np.intp)
         buses = np.array([frame.bus for frame in taken], np.uint8)
         buses.flags.writeable = False
         arrival_ns = np.array([frame.arrival_ns for frame in taken], np.int64)
-        return Delivery(after, rows, buses, arrival_ns, np.array(kept, np.intp), lost)
+        return Delivery(after, _rows([frame.row for frame in taken]), buses, arrival_ns, _rows(kept), lost)
 
 
 def _carry(waiting: list[Waiting], free_ns: int, until_ns: int) -> tuple[int, list[tuple[Arrived, int]]]:
@@ -212,6 +217,17 @@ def _carry(waiting: list[Waiting], free_ns: int, until_ns: int) -> tuple[int, li
         waiting.remove(first)
         carried.append((Arrived(free_ns, first.bus, first.row), 1 - first.sender))
     return free_ns, carried
+
+
+def _rows(rows: Sequence[int]) -> Rows:
+    """Rows that follow each other become one slice."""
+    runs: list[list[int]] = []
+    for row in rows:
+        if runs and runs[-1][1] == row:
+            runs[-1][1] = row + 1
+        else:
+            runs.append([row, row + 1])
+    return tuple(slice(FRAME_SIZE * first, FRAME_SIZE * end) for first, end in runs)
 
 
 def _moved(queue: Sequence[Arrived], row_of: dict[int, int], by_ns: int) -> tuple[Arrived, ...]:

@@ -14,13 +14,14 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
-from drivers.addressing import Identified, reply_addresses
+from drivers.addressing import Identified, reply_addresses, reply_id_mask
 from drivers.can_frame import FRAME_WORDS, Frames, make_frames
 from drivers.dialects import Dialect
 from drivers.errors import DriverConfigError, NonFiniteError
 from drivers.faults import is_healthy
 from drivers.joints import Joint, column, command_limits, transform_of
 from drivers.mit import DISABLE, ENABLE, SET_ZERO, FloatArray, MitCodec
+from drivers.patterns import Recognizer
 
 
 class Counter(IntEnum):
@@ -107,7 +108,7 @@ class JointGroup:
         ranges = [joint.ranges for joint in joints]
         low, high = command_limits(joints)
         self._codec = MitCodec(dialect, ranges, transform=transform_of(joints), low=low, high=high)
-        self._addresses = reply_addresses(dialect, joints)
+        self._recognizer = Recognizer(reply_addresses(dialect, joints), bool(reply_id_mask(dialect)))
         self.bus = column(joints, "bus", np.uint8)
         self.frames = self._command_frames()
         self.data = self.frames.view(np.uint8)
@@ -207,7 +208,7 @@ class JointGroup:
         if not count:
             return 0
         frames, arrival_ns = frames[:count], arrival_ns[:count]
-        found = self._addresses.identify(frames, bus[:count])
+        found = self._recognizer.identify(frames.tobytes(), frames, bus[:count])
         words = frames.view(FRAME_WORDS)["word"]
         if found.any_rejected:
             self.counters[REJECTED] += found.rejections
@@ -234,11 +235,14 @@ class JointGroup:
 
     def _plausible(self, values: FloatArray, found: Identified) -> npt.NDArray[np.bool_] | None:
         """Which joints to update, None for all."""
+        everywhere = None if found.all_heard else found.heard
+        if self._all_plausible:
+            return everywhere
         motion, inside = values[:2], self._inside
         np.minimum(motion, self._plausible_high, out=inside)
         np.maximum(inside, self._plausible_low, out=inside)
         if inside.tobytes() == motion.tobytes():
-            return None if found.all_heard else found.heard
+            return everywhere
         wild: npt.NDArray[np.bool_] = (inside != motion).any(axis=0)
         wild &= found.heard
         self.counters[Counter.OUT_OF_RANGE] += np.uint32(np.count_nonzero(wild))
@@ -246,19 +250,23 @@ class JointGroup:
         return wild
 
     def _store(self, values: FloatArray, update: npt.NDArray[np.bool_] | None, readings: Readings) -> None:
-        where = ... if update is None else update
-        readings.position[where] = values[0][where]
-        readings.velocity[where] = values[1][where]
-        readings.effort[where] = values[2][where]
+        position, velocity, effort = values[:3]
+        news = [
+            (readings.position, position),
+            (readings.velocity, velocity),
+            (readings.effort, effort),
+            (readings.reply_ns, self._arrival_ns),
+        ]
         if self._temperature_rows:
-            temperature = values[self._temperature_rows[0]]
-            for row in self._temperature_rows[1:]:
-                temperature = np.maximum(temperature, values[row])
-            readings.temperature[where] = temperature[where]
+            news.append((readings.temperature, np.maximum.reduce(values[self._temperature_rows])))
         if self._error_row is not None:
             np.copyto(self._error, values[self._error_row], casting="unsafe")
-            readings.error[where] = self._fault_code[self._error][where]
-        readings.reply_ns[where] = self._arrival_ns[where]
+            news.append((readings.error, self._fault_code[self._error]))
+        for reading, value in news:
+            if update is None:
+                reading[:] = value
+            else:
+                reading[update] = value[update]
 
     # -- construction ---------------------------------------------------------------------------------------------
 
@@ -293,6 +301,7 @@ class JointGroup:
         reach = np.array([joint.plausible_position for joint in joints])
         self._plausible_low = np.stack([reach[:, 0], -speed])
         self._plausible_high = np.stack([reach[:, 1], speed])
+        self._all_plausible = not np.isfinite((self._plausible_low, self._plausible_high)).any()
         rows = self._codec.replies.rows
         self._temperature_rows = [rows[name] for name in ("temperature", "driver_temperature") if name in rows]
         self._error_row = rows.get("error")

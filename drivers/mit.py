@@ -57,7 +57,7 @@ class FieldCodec:
 
     Attributes:
         rows: row of each field that is present.
-        clipped: (fields,) how many values the last `encode` clipped.
+        clipped: (fields,) how many values the last `encode` that clipped any did clip.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class FieldCodec:
             out: (n,) words of any byte order, overwritten.
 
         Returns:
-            Whether any value was clipped; `clipped` then says how many of each field.
+            Whether any value was clipped; only then `clipped` says how many of each field.
 
         Raises:
             NonFiniteError: if any value is NaN or infinite; `out` is then untouched.
@@ -122,7 +122,8 @@ class FieldCodec:
         np.fmin(raw, self._high, out=codes)
         np.fmax(codes, self._low, out=codes)
         limited = codes.tobytes() != raw.tobytes()  # so are all that are not finite, since fmin prefers numbers to NaN
-        self.clipped[:] = self._count_clipped(values) if limited else 0
+        if limited:
+            self.clipped[:] = self._count_clipped(values)
         np.rint(codes, out=codes)
         np.copyto(self._signed_fields, codes, casting="unsafe")
         np.dot(self._weights, self._fields, out=self._packed)
@@ -131,8 +132,7 @@ class FieldCodec:
 
     def decode(self, words: Words) -> FloatArray:
         """Values of each field (fields, n) of words (n,); the array is overwritten by the next call."""
-        self._packed[...] = words
-        np.right_shift(self._packed, self._shifts, out=self._fields)
+        np.right_shift(words, self._shifts, out=self._fields)
         np.bitwise_and(self._fields, self._masks, out=self._fields)
         np.copyto(self._values, self._signed_fields)
         np.multiply(self._values, self._unit, out=self._values)

@@ -73,9 +73,14 @@ class TorqueSpeedCurve:
         self._lowest = np.stack([0 * peak, -peak])
         self._lost, self._bound = np.empty(len(models)), np.empty((2, len(models)))
         self._upper, self._lower = self._bound
+        self._least_peak, self._steepest = float(peak.min()), float(self._slope.max())
 
     def limit(self, torque: FloatArray, velocity: FloatArray) -> None:
         """Limit torques (n,) N.m in place, at joint velocities (n,) rad/s."""
+        torques, speeds = torque.tolist(), velocity.tolist()
+        fastest = max(max(speeds), -min(speeds))
+        if max(max(torques), -min(torques)) <= self._least_peak - self._steepest * fastest:
+            return
         bound = self._bound
         np.multiply(velocity, self._slope, out=self._lost)
         np.subtract(self._stall, self._lost, out=bound)
@@ -136,30 +141,29 @@ class Encoders:
         self._shift = np.zeros((_NOISE_BLOCK, 2, len(joints)))
         self._shift[:, 0] = -self._counts_per_radian * column(joints, "offset")
         self._row = _NOISE_BLOCK
+        self.write_to(np.zeros((2, len(joints))))
         first, last = np.array([joint.ranges.position for joint in joints]).T / self.radians_per_count
         continuous = column(joints, "continuous", np.bool_)
         self._wraps = bool(continuous.any())
         self._middle, self._turn = 0.5 * (first + last), last - first
         self._wrapping_turn = np.where(continuous, self._turn, 0.0)
 
-    def measure(self, position: FloatArray, velocity: FloatArray, out: FloatArray) -> None:
-        """Measure.
+    def write_to(self, measured: FloatArray) -> None:
+        """Put measurements into this array from now on: (2, n), counts and rad/s of the drives."""
+        self._measured, (self._counts, self._speed) = measured, measured
 
-        Args:
-            position: (n,) rad, of the joints.
-            velocity: (n,) rad/s, of the joints.
-            out: (2, n) counts and rad/s.
-        """
+    def measure(self, position: FloatArray, velocity: FloatArray) -> None:
+        """Measure joint positions (n,) rad and velocities (n,) rad/s."""
         row = self._row
         if row == _NOISE_BLOCK:
             shift = self._shift[:, 1]
             np.multiply(self._generator.standard_normal(shift.shape), self._noise, out=shift)
             row = 0
         self._row = row + 1
-        counts, speed = out
+        measured, counts, speed = self._measured, self._counts, self._speed
         np.multiply(position, self._counts_per_radian, out=counts)
         np.multiply(velocity, self.multiplier, out=speed)
-        np.add(out, self._shift[row], out=out)
+        np.add(measured, self._shift[row], out=measured)
         np.rint(counts, out=counts)
         if self._wraps:
             counts -= np.rint((counts - self._middle) / self._turn) * self._wrapping_turn

@@ -38,14 +38,17 @@ class InertialSensor:
 
     def feel(self, motion: Array, now_ns: int) -> None:
         """Take in the specific force and the angular rate (6,) of one physics step that ended at `now_ns`."""
-        np.add(self._sum, motion, out=self._sum)
+        if self._count:
+            np.add(self._sum, motion, out=self._sum)
+        else:
+            self._sum[:] = motion
         self._count += 1
         if now_ns % self._period_ns == 0:
             if self._row == _NOISE_BLOCK:
                 self._draw()
             np.divide(self._sum, self._count, out=self._sample)
             np.add(self._sample, self._errors[self._row], out=self._sample)
-            self._sum[:], self._count, self._row = 0.0, 0, self._row + 1
+            self._count, self._row = 0, self._row + 1
             self._sequence, self._stamp_ns, self._fresh = self._sequence + 1, now_ns, True
 
     def _draw(self) -> None:

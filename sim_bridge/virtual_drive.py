@@ -26,6 +26,7 @@ from drivers.errors import DriverConfigError
 from drivers.faults import FaultKind, code_of
 from drivers.joints import Joint
 from drivers.mit import DISABLE, ENABLE, SET_ZERO, SPECIAL_PREFIX, FloatArray, MitCodec, Transform
+from drivers.patterns import Recognizer
 from sim_bridge.drive_model import DriveModel, Encoders, TorqueSpeedCurve, Windings, parameter
 
 _VELOCITY, _EFFORT, _STIFFNESS, _DAMPING = 1, 2, 3, 4
@@ -64,7 +65,7 @@ class VirtualDrives:
         self._curve = TorqueSpeedCurve(models)
         ranges = [joint.ranges for joint in joints]
         self._codec = MitCodec(dialect, ranges, transform=_inner_units(self._encoders))
-        self._addresses = command_addresses(dialect, joints)
+        self._recognizer = Recognizer(command_addresses(dialect, joints), id_in_data=False)
         self._timeout_ns = parameter(models, "command_timeout_ns").astype(np.int64)
         self._timeout_damping = parameter(models, "timeout_damping") * self._encoders.multiplier
         self._overheat_code = code_of(dialect, FaultKind.MOTOR_OVER_TEMPERATURE) or 0
@@ -93,7 +94,7 @@ class VirtualDrives:
             self._warm(now_ns)
         if now_ns > self._deadline_ns:
             self._check_timeouts(now_ns)
-        self._encoders.measure(position, velocity, self._measured)
+        self._encoders.measure(position, velocity)
         error, tau = self._error, self.applied
         np.subtract(self._wanted, self._measured, out=error)
         np.multiply(error, self._gain, out=error)
@@ -125,7 +126,8 @@ class VirtualDrives:
         Returns:
             Replies, bus index of each, and when each is handed to the bus.
         """
-        found = self._addresses.identify(frames, bus)
+        raw = frames.tobytes()
+        found = self._recognizer.identify(raw, frames, bus)
         if found.any_rejected:
             self.rejections += found.rejections
             frames, bus, arrival_ns = frames[found.rows], bus[found.rows], arrival_ns[found.rows]
@@ -133,7 +135,7 @@ class VirtualDrives:
         if not drives.size:
             return self._reply_frames[:0], bus, arrival_ns
         self._commanded_ns[drives] = arrival_ns
-        if SPECIAL_PREFIX in frames.tobytes():
+        if SPECIAL_PREFIX in raw:
             self._obey_specials(frames, drives, int(arrival_ns.max()))
         else:
             self._obey(frames, drives, arrival_ns)
@@ -257,6 +259,7 @@ class VirtualDrives:
         rows, joints = self._codec.replies.rows, self.joints
         self._reply_values = np.zeros((len(rows), len(joints)))
         self._measured, self.applied = self._reply_values[:2], self._reply_values[rows["effort"]]
+        self._encoders.write_to(self._measured)
         self._error_row = rows.get("error")
         self._temperature_rows = [rows[name] for name in ("temperature", "driver_temperature") if name in rows]
         for row in self._temperature_rows:

@@ -32,6 +32,8 @@ POSITION, VELOCITY, ROTATION, RATE_BIAS, ACCELERATION_BIAS = (slice(i, i + 3) fo
 
 
 _IDENTITY = np.eye(SIZE)
+HUBER = 2.0
+"""Residuals beyond this many standard deviations widen the deviation of their foot, so that a slipping foot counts less."""
 
 
 class KalmanMemory(Record):
@@ -144,7 +146,9 @@ def contact_measurement(
     matrix[:, :, ROTATION] = -skews(turning)
     matrix[:, :, RATE_BIAS] = rotation @ skews(point)
     residual = -(memory.velocity + turning)
-    return Measured(residual.ravel(), matrix.reshape(3 * count, SIZE), np.repeat(np.square(deviation), 3))
+    slip = np.sqrt(np.square(residual).sum(axis=1))
+    trusted = np.maximum(deviation, slip / HUBER)
+    return Measured(residual.ravel(), matrix.reshape(3 * count, SIZE), np.repeat(np.square(trusted), 3))
 
 
 def pose_measurement(config: KalmanConfig, position_error: Array, yaw_error: float) -> Measured:

@@ -79,19 +79,31 @@ class KalmanTask(Task):
         legs = self._legs.forward(self._joints.position, self._joints.velocity)
         self._take_sample()
         rotation = kalman.predict(memory, config, memory.acceleration, memory.rate, self._period_s)
-        rate = memory.rate - memory.rate_bias
         contact = self._contacts(legs, rotation)
-        standing = np.flatnonzero(contact)
-        if standing.size:
-            progress = self._gait.foot_phase.tolist() if self._gait.walking else [0.5] * 4
-            deviation = np.array([rest_deviation(config, progress[foot]) for foot in standing])
-            measured = kalman.contact_measurement(
-                memory, rotation, rate, legs, standing, deviation, self._normal(), self._foot_radius
-            )
-            kalman.update(memory, measured)
+        self._rest_on_feet(legs, rotation, contact)
         self._remember(now_ns)
         self._fuse_pose(now_ns)
         self._publish(now_ns, legs, contact)
+
+    def _rest_on_feet(self, legs: LegState, rotation: Array, contact: npt.NDArray[np.bool_]) -> None:
+        """Correct by the contact points of the standing feet; one that seems to move is trusted less (Huber)."""
+        memory, config, gait = self.state, self._config, self._gait
+        progress = gait.foot_phase.tolist() if gait.walking else [0.5] * 4
+        standing = np.flatnonzero(contact & gait.stance) if gait.walking else np.arange(4)
+        if not standing.size:
+            return
+        deviation = np.array([rest_deviation(config, progress[foot]) for foot in standing])
+        measured = kalman.contact_measurement(
+            memory,
+            rotation,
+            memory.rate - memory.rate_bias,
+            legs,
+            standing,
+            deviation,
+            self._normal(),
+            self._foot_radius,
+        )
+        kalman.update(memory, measured)
 
     def _begin(self) -> bool:
         """Start from the first pose of the localisation sensor, standing still."""

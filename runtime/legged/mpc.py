@@ -39,6 +39,7 @@ class MpcConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         friction: coefficient mu of the ground; the pyramid uses mu / sqrt(2).
         force_min_n, force_max_n: normal force of a standing foot.
         position_clamp_m: how far the position reference may run away from the robot.
+        heading_clamp_rad: the same for the heading.
     """
 
     steps: Annotated[int, msgspec.Meta(ge=4, le=20)] = 10
@@ -51,6 +52,7 @@ class MpcConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     force_min_n: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 5.0
     force_max_n: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] = 200.0
     position_clamp_m: Annotated[float, msgspec.Meta(gt=0.0, le=0.5)] = 0.1
+    heading_clamp_rad: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] = 0.3
 
 
 class Horizon(NamedTuple):

@@ -31,9 +31,7 @@ from runtime.robots.uslgo1.assembly import assemble, sizes
 CONFIG = load_configuration("uslgo1")
 SIZES = {**sizes(CONFIG), "received": 3}
 SIGNALS = [
-    kind
-    for _, kind in inspect.getmembers(signals, inspect.isclass)
-    if issubclass(kind, Record) and kind is not Record
+    kind for _, kind in inspect.getmembers(signals, inspect.isclass) if issubclass(kind, Record) and kind is not Record
 ]
 STATES = {
     type(item.task.state): item.task.state.sizes
@@ -128,7 +126,8 @@ def test_assigning_copies():
     view = record.h
     record.h = source
     source[:] = -1.0
-    assert record.h.tolist() == [0.0, 1.0, 2.0, 3.0] and record.h is view
+    assert record.h.tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert record.h is view
     view[2] = 7.0
     assert np.frombuffer(record.to_bytes(), "<f8", 4, record.dtype.fields["h"][1]).tolist() == [0.0, 1.0, 7.0, 3.0]
     record.h = 5.0
@@ -152,7 +151,7 @@ def test_a_body_of_wrong_length_is_refused_and_changes_nothing(body):
     before = record.to_bytes()
     if len(body) == record.cdr_size:
         body += b"\0"
-    with pytest.raises(ValueError, match="."):
+    with pytest.raises(ValueError, match=r"."):
         record.load(body)
     assert record.to_bytes() == before
 
@@ -160,7 +159,7 @@ def test_a_body_of_wrong_length_is_refused_and_changes_nothing(body):
 @pytest.mark.parametrize("value", [-1, 256])
 def test_a_number_that_does_not_fit_is_refused(value):
     record = Crooked("/test", {"joint": 4})
-    with pytest.raises(ValueError, match="."):
+    with pytest.raises(ValueError, match=r"."):
         record.a = value
 
 

@@ -165,7 +165,8 @@ def test_two_runs_give_the_same_bytes():
         executor, _, outside = build(key_frame_ns=20 * MS)
         run(executor, 200)
         runs.append(rows(executor, outside))
-    assert runs[0] == runs[1] and len(runs[0]) > 250
+    assert runs[0] == runs[1]
+    assert len(runs[0]) > 250
 
 
 def test_taking_up_every_state_at_every_tick_changes_nothing():

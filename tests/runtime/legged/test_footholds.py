@@ -17,12 +17,12 @@ STANCE_S, HEIGHT, G = 0.2, 0.29, 9.81
 def land(velocity=(0.0, 0.0), commanded=(0.0, 0.0), yaw_rate=0.0, center=(0.0, 0.0), remaining=0.1, heading=0.0):
     """Footholds of the four feet, (4, 2)."""
     trunk = TrunkMotion(*center, heading, *velocity, *commanded, yaw_rate, HEIGHT)
-    return np.array([foothold(CONFIG, trunk, x, y, remaining, STANCE_S) for x, y in SHOULDERS.tolist()])
+    return np.array([foothold(CONFIG, trunk, (x, y), remaining, STANCE_S) for x, y in SHOULDERS.tolist()])
 
 
 @given(st.floats(-9, 9), st.floats(-9, 9), st.floats(0.0, 0.5))
 def test_a_robot_at_rest_steps_below_its_shoulders(x, y, remaining):
-    np.testing.assert_allclose(land(center=(x, y), remaining=remaining), SHOULDERS + (x, y), atol=1e-12)
+    np.testing.assert_allclose(land(center=(x, y), remaining=remaining), SHOULDERS + np.array([x, y]), atol=1e-12)
 
 
 @given(SPEEDS, SPEEDS, st.floats(0.0, 0.3))

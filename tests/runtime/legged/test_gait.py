@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The schedule: diagonals move together, feet stand for their share, and no step straddles a change of contacts."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -24,7 +26,8 @@ def test_diagonal_feet_do_the_same_half_a_cycle_apart(setting, start_ns, elapsed
     left_front, right_front, left_hind, right_hind = phases
     assert (left_front, right_front) == (right_hind, left_hind)
     assert (left_front - right_front) % 1.0 == pytest.approx(0.5)
-    assert (phases >= 0.0).all() and (phases < 1.0).all()
+    assert (phases >= 0.0).all()
+    assert (phases < 1.0).all()
 
 
 @pytest.mark.parametrize("duty", [0.5, 0.6, 0.7, 0.8])
@@ -43,7 +46,8 @@ def test_progress_runs_from_0_to_1_in_stance_and_in_swing(setting, now_ns):
     config = GaitConfig(setting[0] * MS, setting[1])
     phases = foot_phases(config, 0, now_ns)
     progress, stance = np.array(phase_progress(config, phases)), np.array(scheduled_stance(config, phases))
-    assert (progress >= 0.0).all() and (progress <= 1.0).all()
+    assert (progress >= 0.0).all()
+    assert (progress <= 1.0).all()
     elapsed = np.where(stance, progress * config.stance_s, config.stance_s + progress * config.swing_s)
     np.testing.assert_allclose(elapsed, np.array(phases) * config.period_ns * 1e-9, atol=1e-9)
 
@@ -54,11 +58,13 @@ def test_no_step_of_the_horizon_straddles_a_change_of_contacts(setting, start_ns
     config = GaitConfig(period_ms * MS, duty)
     begin_ns = start_ns + elapsed_ns
     boundaries = knots(config, start_ns, begin_ns, steps)
-    assert boundaries[0] == begin_ns and len(boundaries) == steps + 1
+    assert boundaries[0] == begin_ns
+    assert len(boundaries) == steps + 1
     lengths = np.diff(boundaries)
-    assert (lengths > 0).all() and (lengths <= config.period_ns // steps).all()
+    assert (lengths > 0).all()
+    assert (lengths <= config.period_ns // steps).all()
     assert (lengths[1:] == config.period_ns // steps).all()
-    for low, high in zip(boundaries[:-1], boundaries[1:], strict=True):
+    for low, high in itertools.pairwise(boundaries):
         inside = [stance_at(config, start_ns, t).tolist() for t in (low, (low + high) // 2, high - 1)]
         assert inside[0] == inside[1] == inside[2]
 

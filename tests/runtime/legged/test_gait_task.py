@@ -40,7 +40,8 @@ class Walk:
 def test_it_trots_when_active_and_asked_to_move(bench):
     walk = Walk(bench())
     walk.step()
-    assert walk.robot.gait.walking and walk.robot.gait.cycle_start_ns == 1000 * MS
+    assert walk.robot.gait.walking
+    assert walk.robot.gait.cycle_start_ns == 1000 * MS
     schedules = set()
     for _ in range(200):
         walk.step()
@@ -57,7 +58,9 @@ def test_without_permission_or_wish_it_stands(bench):
         walk = Walk(bench())
         change(walk.robot)
         walk.run(500)
-        assert not walk.robot.gait.walking and walk.robot.gait.stance.all() and walk.robot.gait.contact.all()
+        assert not walk.robot.gait.walking
+        assert walk.robot.gait.stance.all()
+        assert walk.robot.gait.contact.all()
 
 
 def test_turning_in_place_is_a_reason_to_step(bench):
@@ -82,7 +85,8 @@ def test_a_robot_that_is_damped_does_not_step(bench):
     walk.run(500)
     walk.robot.safety.mode = Mode.DAMPED
     walk.step()
-    assert not walk.robot.gait.balancing and not walk.robot.gait.walking
+    assert not walk.robot.gait.balancing
+    assert not walk.robot.gait.walking
 
 
 def test_contact_right_after_lift_off_is_not_a_touchdown(bench):
@@ -117,7 +121,8 @@ def test_ground_that_comes_late_is_searched_for_and_counted(bench):
         walk.step(contact=[False, False, True, False])
         heights.append(walk.robot.gait.swing_position[5])
         assert not walk.robot.gait.contact[1]
-    assert np.diff(heights).max() < 0 and heights[0] - heights[-1] > 0.01
+    assert np.diff(heights).max() < 0
+    assert heights[0] - heights[-1] > 0.01
     walk.step(contact=[False, True, True, False])
     walk.step(contact=[False, True, True, False])
     assert walk.robot.gait.contact[1]

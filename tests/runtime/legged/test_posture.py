@@ -17,7 +17,8 @@ MS = 1_000_000
 def test_blending_stays_between_its_ends_and_has_its_rate(progress):
     begin, end = np.array([0.3, -1.0]), np.array([-0.7, 2.0])
     position, rate = blend(begin, end, progress)
-    assert (position >= np.minimum(begin, end) - 1e-12).all() and (position <= np.maximum(begin, end) + 1e-12).all()
+    assert (position >= np.minimum(begin, end) - 1e-12).all()
+    assert (position <= np.maximum(begin, end) + 1e-12).all()
     if 1e-4 < progress < 1 - 1e-4:
         slope = (blend(begin, end, progress + 1e-6)[0] - blend(begin, end, progress - 1e-6)[0]) / 2e-6
         np.testing.assert_allclose(rate, slope, atol=1e-5)

@@ -27,7 +27,7 @@ class Case:
         slope, direction, yaw = rng.uniform(0, 0.4), *rng.uniform(-np.pi, np.pi, 2)
         normal = np.array([np.sin(slope) * np.cos(direction), np.sin(slope) * np.sin(direction), np.cos(slope)])
         self.plane = aligned_with_plane(yaw, normal)
-        self.planned = rng.normal(0, 15, (self.feet, 3)) + (0, 0, 125.0 / self.feet)
+        self.planned = rng.normal(0, 15, (self.feet, 3)) + np.array([0, 0, 125.0 / self.feet])
         self.unbalanced = self.jacobian.T @ self.planned.ravel() + misfit * rng.normal(0, 20, 6)
 
     def relax(self, config=CONFIG, solver=None):
@@ -52,7 +52,8 @@ def test_forces_stay_inside_the_friction_cone_of_the_plane(seed, friction, misfi
     assert answer.solved
     force = answer.force @ Case(seed).plane
     assert (np.hypot(force[:, 0], force[:, 1]) <= friction * force[:, 2] + 1e-6).all()
-    assert (force[:, 2] >= -1e-6).all() and (force[:, 2] <= 120.0 + 1e-6).all()
+    assert (force[:, 2] >= -1e-6).all()
+    assert (force[:, 2] <= 120.0 + 1e-6).all()
 
 
 @given(SEEDS)
@@ -99,7 +100,8 @@ class Failing:
 def test_without_a_solution_the_plan_is_kept_and_the_base_rows_still_hold(seed):
     case = Case(seed)
     answer = case.relax(solver=Failing())
-    assert not answer.solved and answer.residual == np.inf
+    assert not answer.solved
+    assert answer.residual == np.inf
     np.testing.assert_allclose(answer.force, case.planned, atol=1e-10)
     left = case.inertia @ answer.delta_b + case.unbalanced
     np.testing.assert_allclose(left, case.jacobian.T @ case.planned.ravel(), atol=1e-9 * np.abs(case.unbalanced).max())

@@ -55,7 +55,11 @@ class State:
 def links(state):
     """(mass, centre of mass, inertia about it in odom) of every link, by walking down the legs."""
     trunk, rotation = ROBOT.trunk, state.rotation
-    yield trunk.mass_kg, state.position + rotation @ trunk.center(1.0), rotation @ np.diag(trunk.inertia_kg_m2()) @ rotation.T
+    yield (
+        trunk.mass_kg,
+        state.position + rotation @ trunk.center(1.0),
+        rotation @ np.diag(trunk.inertia_kg_m2()) @ rotation.T,
+    )
     for leg in range(4):
         left, place, turn = LEFT[leg], state.position, rotation
         steps = (
@@ -114,7 +118,9 @@ def test_velocities_are_derivatives_of_positions(seed):
     state, step = State(seed), 1e-6
     body, ahead, behind = state.model(), state.after(step).model(), state.after(-step).model()
     np.testing.assert_array_equal(body.velocity, state.velocity)
-    np.testing.assert_allclose(body.com_velocity, (ahead.center_of_mass - behind.center_of_mass) / (2 * step), atol=1e-7)
+    np.testing.assert_allclose(
+        body.com_velocity, (ahead.center_of_mass - behind.center_of_mass) / (2 * step), atol=1e-7
+    )
     slope = (ahead.foot_position - behind.foot_position) / (2 * step)
     np.testing.assert_allclose(foot_velocities(state), slope, atol=1e-7)
 
