@@ -21,7 +21,7 @@ from drivers.errors import DriverConfigError, NonFiniteError
 from drivers.faults import is_healthy
 from drivers.joints import Joint, column, command_limits, transform_of
 from drivers.mit import DISABLE, ENABLE, SET_ZERO, FloatArray, MitCodec
-from drivers.patterns import Recognizer
+from drivers.patterns import Recognizer, data_words
 
 
 class Counter(IntEnum):
@@ -208,8 +208,8 @@ class JointGroup:
         if not count:
             return 0
         frames, arrival_ns = frames[:count], arrival_ns[:count]
-        found = self._recognizer.identify(frames.tobytes(), frames, bus[:count])
-        words = frames.view(FRAME_WORDS)["word"]
+        raw = frames.tobytes()
+        found, words = self._recognizer.identify(raw, frames, bus[:count]), data_words(raw)
         if found.any_rejected:
             self.counters[REJECTED] += found.rejections
             words, arrival_ns = words[found.rows], arrival_ns[found.rows]
@@ -250,15 +250,17 @@ class JointGroup:
         return wild
 
     def _store(self, values: FloatArray, update: npt.NDArray[np.bool_] | None, readings: Readings) -> None:
-        position, velocity, effort = values[:3]
         news = [
-            (readings.position, position),
-            (readings.velocity, velocity),
-            (readings.effort, effort),
+            (readings.position, values[0]),
+            (readings.velocity, values[1]),
+            (readings.effort, values[2]),
             (readings.reply_ns, self._arrival_ns),
         ]
         if self._temperature_rows:
-            news.append((readings.temperature, np.maximum.reduce(values[self._temperature_rows])))
+            temperature = values[self._temperature_rows[0]]
+            for row in self._temperature_rows[1:]:
+                temperature = np.maximum(temperature, values[row])
+            news.append((readings.temperature, temperature))
         if self._error_row is not None:
             np.copyto(self._error, values[self._error_row], casting="unsafe")
             news.append((readings.error, self._fault_code[self._error]))

@@ -14,11 +14,13 @@ import numpy.typing as npt
 
 from drivers.addressing import AddressBook, Identified
 from drivers.can_frame import FRAME_SIZE, Frames
+from drivers.mit import Words
 
 _HEAD = bytes([0xFF] * 5 + [0] * 11)
 """Of a frame the bytes that hold the identifier, its flags and the length."""
 _FIRST_DATA_BYTE = 8
 _REMEMBERED = 64
+_BIG_ENDIAN_WORD = np.dtype(">u8")
 
 
 @lru_cache(256)
@@ -31,6 +33,11 @@ def _mask(frames: int, first_data_byte: bool) -> int:
 def heads(raw: bytes) -> int:
     """Identifiers and lengths of a batch of frames, given and returned as their bytes with all else zero."""
     return int.from_bytes(raw, "little") & _mask(len(raw) // FRAME_SIZE, False)
+
+
+def data_words(raw: bytes) -> Words:
+    """The data of a batch of frames, given as its bytes, as words (n,)."""
+    return np.frombuffer(raw, _BIG_ENDIAN_WORD)[1::2]
 
 
 class Recognizer:

@@ -82,7 +82,7 @@ class QuadrupedWorld:
         self.model = build(description, config, terrain)
         self.data = mujoco.MjData(self.model)
         self._terrain, self._bus = terrain, bus
-        self._step_ns, self._step_s, self._now_ns = config.time_step_ns, config.time_step_ns * 1e-9, 0
+        self._step_ns, self._now_ns = config.time_step_ns, 0
         noise = np.random.SeedSequence(seed).spawn(3)
         imu_noise, pose_noise = (np.random.Generator(np.random.PCG64(sequence)) for sequence in noise[:2])
         self.drives = VirtualDrives(joints, dialect, drive_model(config), int(noise[2].generate_state(1)[0]))
@@ -109,6 +109,7 @@ class QuadrupedWorld:
         data = self.data
         self._place, self._joint_position, self._joint_velocity = data.qpos[:7], data.qpos[7:], data.qvel[6:]
         self._position, self._quaternion_wxyz = data.qpos[:3], data.qpos[3:7]
+        self._quaternion_xyz = data.qpos[4:7]
         self._linear_velocity, self._angular_velocity = data.qvel[:3], data.qvel[3:6]
         self._joint_torque, self._motion = data.qfrc_applied[6:], data.sensordata[:6]
         shanks = [self.model.geom(f"{foot}_foot").bodyid[0] for foot in FEET]
@@ -131,7 +132,8 @@ class QuadrupedWorld:
             self._apply_push(now_ns)
         mujoco.mj_step(self.model, self.data)
         self._now_ns = now_ns = now_ns + self._step_ns
-        self.battery.drain(float(torque.dot(self._joint_velocity)), self._step_s)
+        if self.battery.due(now_ns):
+            self.battery.drain(float(torque.dot(self._joint_velocity)), now_ns)
         self.imu.feel(self._motion, now_ns)
         self._sense(now_ns)
         arrived = self._bus.receive(End.DEVICE, now_ns)
@@ -191,7 +193,8 @@ class QuadrupedWorld:
         """Give the true state, as an input port."""
         assert isinstance(record, Truth)
         record.stamp_ns = now_ns
-        record.position, record.orientation = self._position, self._quaternion_wxyz[WXYZ_TO_XYZW]
+        record.position, orientation = self._position, record.orientation
+        orientation[:3], orientation[3] = self._quaternion_xyz, self._quaternion_wxyz[0]
         record.linear_velocity, record.angular_velocity = self._linear_velocity, self._angular_velocity
-        record.contact_force = self.contact_forces().ravel()
+        np.copyto(record.contact_force.reshape(4, 3), self.contact_forces())
         return True

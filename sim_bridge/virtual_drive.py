@@ -25,8 +25,8 @@ from drivers.dialects import Dialect
 from drivers.errors import DriverConfigError
 from drivers.faults import FaultKind, code_of
 from drivers.joints import Joint
-from drivers.mit import DISABLE, ENABLE, SET_ZERO, SPECIAL_PREFIX, FloatArray, MitCodec, Transform
-from drivers.patterns import Recognizer
+from drivers.mit import DISABLE, ENABLE, SET_ZERO, SPECIAL_PREFIX, FloatArray, MitCodec, Transform, Words
+from drivers.patterns import Recognizer, data_words
 from sim_bridge.drive_model import DriveModel, Encoders, TorqueSpeedCurve, Windings, parameter
 
 _VELOCITY, _EFFORT, _STIFFNESS, _DAMPING = 1, 2, 3, 4
@@ -131,6 +131,7 @@ class VirtualDrives:
         if found.any_rejected:
             self.rejections += found.rejections
             frames, bus, arrival_ns = frames[found.rows], bus[found.rows], arrival_ns[found.rows]
+            raw = frames.tobytes()
         drives = found.drives
         if not drives.size:
             return self._reply_frames[:0], bus, arrival_ns
@@ -138,12 +139,12 @@ class VirtualDrives:
         if SPECIAL_PREFIX in raw:
             self._obey_specials(frames, drives, int(arrival_ns.max()))
         else:
-            self._obey(frames, drives, arrival_ns)
+            self._obey(data_words(raw), drives, arrival_ns)
         return self._reply(drives, bus, arrival_ns)
 
-    def _obey(self, frames: Frames, drives: npt.NDArray[np.intp], arrival_ns: npt.NDArray[np.int64]) -> None:
+    def _obey(self, words: Words, drives: npt.NDArray[np.intp], arrival_ns: npt.NDArray[np.int64]) -> None:
         """Let commands take effect; if all drives obey what was last sent to them, decoding does it."""
-        self._command_word[drives] = frames.view(FRAME_WORDS)["word"]
+        self._command_word[drives] = words
         self._codec.decode_commands(self._command_word)
         if not self._all_obey:
             self._latched[:, drives] = self._decoded[:, drives]

@@ -25,9 +25,9 @@ class JacobianTransposeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields
         joint_damping_nms_prad: of every joint, by the drives.
     """
 
-    swing_stiffness_n_pm: Gain = 500.0
-    swing_damping_ns_pm: Gain = 15.0
-    joint_damping_nms_prad: JointDamping = 0.2
+    swing_stiffness_n_pm: Gain = 1000.0
+    swing_damping_ns_pm: Gain = 10.0
+    joint_damping_nms_prad: JointDamping = 1.0
 
 
 class JacobianTransposeLaw:
