@@ -2,8 +2,8 @@
 """When each frame crosses its bus: arbitration and transmission times, apart from what the frames carry.
 
 These times follow from identifiers, lengths and times of sending alone, and in a control loop they are the same every
-period. So what is on the buses is held as a value (`Situation`, with times relative to a reference that moves along), and
-what follows from it is worked out once and remembered.
+period. So what is on the buses is held as a value (`Situation`, with times relative to a moving reference), and what
+follows from it is worked out once and remembered.
 """
 
 from __future__ import annotations
@@ -120,8 +120,8 @@ class Timetable:
 
     Attributes:
         start: empty buses.
-        send: (situation, end, heads, buses, ready) -> `Sending`; `heads` as `patterns.heads` gives them, the bytes of the
-            bus indices (uint8), one time for all or the bytes of the times (int64).
+        send: (situation, end, heads, buses, ready) -> `Sending`; the heads as `patterns.heads` gives them, the bytes of
+            the bus indices (uint8), one time for all or the bytes of the times (int64).
         receive: (situation, end, until, limit) -> `Delivery`; at most `limit` frames if it is not None.
     """
 
@@ -134,7 +134,8 @@ class Timetable:
 
     def _send(self, before: Situation, end: int, heads: int, bus: bytes, ready_ns: int | bytes) -> Sending:
         times = [ready_ns] * len(bus) if isinstance(ready_ns, int) else np.frombuffer(ready_ns, np.int64).tolist()
-        waiting, accepted = list(before.waiting), []
+        waiting = list(before.waiting)
+        accepted: list[int] = []
         row = len(waiting) + sum(map(len, before.arrived))
         frames = np.frombuffer(heads.to_bytes(FRAME_SIZE * len(bus), "little"), CAN_FRAME)
         fields = zip(bus, frames["can_id"].tolist(), frames["length"].tolist(), times, strict=True)
@@ -155,7 +156,9 @@ class Timetable:
         return arbitration_priority(can_id), -(-bits * NS_PER_SECOND // self._bit_rate)
 
     def _receive(self, before: Situation, end: int, until_ns: int, limit: int | None) -> Delivery:
-        free, waiting, carried = [], [], []
+        free: list[int] = []
+        waiting: list[Waiting] = []
+        carried: list[tuple[Arrived, int]] = []
         for bus, free_ns in enumerate(before.free_ns):
             left = [frame for frame in before.waiting if frame.bus == bus]
             free_ns, done = _carry(left, free_ns, until_ns)
@@ -183,7 +186,7 @@ class Timetable:
         until_ns: int,
         lost: tuple[int, int],
     ) -> Delivery:
-        kept = sorted(frame.row for frame in (*waiting, *queues[0], *queues[1]))
+        kept = sorted([w.row for w in waiting] + [a.row for queue in queues for a in queue])
         row_of = {row: index for index, row in enumerate(kept)}
         after = self._situation(
             tuple(free),

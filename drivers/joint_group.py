@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -117,6 +118,7 @@ class JointGroup:
         continuous = column(joints, "continuous", np.bool_)
         self._continuous = continuous if continuous.any() else None
         self._rest = column(joints, "offset")
+        self._error_before = b""
         self._prepare_decoding()
 
     # -- commands -------------------------------------------------------------------------------------------------
@@ -250,7 +252,7 @@ class JointGroup:
         return wild
 
     def _store(self, values: FloatArray, update: npt.NDArray[np.bool_] | None, readings: Readings) -> None:
-        news = [
+        news: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = [
             (readings.position, values[0]),
             (readings.velocity, values[1]),
             (readings.effort, values[2]),
@@ -263,7 +265,10 @@ class JointGroup:
             news.append((readings.temperature, temperature))
         if self._error_row is not None:
             np.copyto(self._error, values[self._error_row], casting="unsafe")
-            news.append((readings.error, self._fault_code[self._error]))
+            if self._error.tobytes() != self._error_before:
+                self._error_before = self._error.tobytes()
+                self._fault = self._fault_code[self._error]
+            news.append((readings.error, self._fault))
         for reading, value in news:
             if update is None:
                 reading[:] = value
@@ -307,6 +312,8 @@ class JointGroup:
         rows = self._codec.replies.rows
         self._temperature_rows = [rows[name] for name in ("temperature", "driver_temperature") if name in rows]
         self._error_row = rows.get("error")
-        self._error = np.zeros(count, np.uint8)
+        self._error, self._fault = np.zeros((2, count), np.uint8)
         codes = range(256)
-        self._fault_code = np.array([0 if is_healthy(self.dialect, code) else code for code in codes], np.uint8)
+        self._fault_code: npt.NDArray[np.uint8] = np.array(
+            [0 if is_healthy(self.dialect, code) else code for code in codes], np.uint8
+        )

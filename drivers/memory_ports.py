@@ -52,7 +52,7 @@ class MemoryReader:
         record.stamp_ns, record.count, record.lost = now_ns, count, self._bus.lost(End.HOST)
         record.bus[:count] = bus
         record.arrival_ns[:count] = arrival_ns
-        record.data[: count * FRAME_SIZE] = frames.view(np.uint8)
+        memoryview(record.data)[: count * FRAME_SIZE] = frames.tobytes()  # type: ignore[arg-type]
         if count < before:
             record.bus[count:before] = 0
             record.arrival_ns[count:before] = 0

@@ -220,6 +220,7 @@ class Gait(Record):
     swing_acceleration = float64_array("foot_xyz", "m/s^2")
     late_contacts = uint32("", "swings that met the ground later than scheduled, since start")
     early_contacts = uint32("", "swings that met the ground earlier than scheduled, since start")
+    lost_contacts = uint32("", "standing feet that lost the ground, since start")
 
 
 class ContactForces(Record):

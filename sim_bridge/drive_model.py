@@ -102,7 +102,10 @@ class Windings:
     """
 
     def __init__(self, models: Sequence[DriveModel]) -> None:
-        self.ambient, self._cooling_rate = parameter(models, "ambient_temperature"), 1 / parameter(models, "cooling_time")
+        self.ambient, self._cooling_rate = (
+            parameter(models, "ambient_temperature"),
+            1 / parameter(models, "cooling_time"),
+        )
         self._heating = parameter(models, "heating")
         self._limit = parameter(models, "temperature_limit") - self.ambient
         self.excess, self.updated_ns = np.zeros(len(models)), 0

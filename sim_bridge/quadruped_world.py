@@ -18,14 +18,16 @@ from runtime.models.rotations import quaternion_of_yaw
 from runtime.records import Record
 from runtime.robots.simulation import SimulationConfig
 from runtime.signals import Truth
+from sim_bridge.drive_model import DriveModel
 from sim_bridge.quadruped_model import build
 from sim_bridge.sensors import BatterySensor, InertialSensor, LocalizationSensor
 from sim_bridge.terrain import HeightField
-from sim_bridge.drive_model import DriveModel
 from sim_bridge.virtual_drive import VirtualDrives
 
 Array = npt.NDArray[np.float64]
 WXYZ_TO_XYZW = [1, 2, 3, 0]
+POWER_PERIOD_NS = 10_000_000
+"""How often the power of the motors is looked at; it then counts for that long."""
 DROP_M = 0.002
 """Height from which the robot is set down."""
 
@@ -132,8 +134,8 @@ class QuadrupedWorld:
             self._apply_push(now_ns)
         mujoco.mj_step(self.model, self.data)
         self._now_ns = now_ns = now_ns + self._step_ns
-        if self.battery.due(now_ns):
-            self.battery.drain(float(torque.dot(self._joint_velocity)), now_ns)
+        if now_ns % POWER_PERIOD_NS == 0:
+            self.battery.drain(float(torque.dot(self._joint_velocity)), POWER_PERIOD_NS * 1e-9)
         self.imu.feel(self._motion, now_ns)
         self._sense(now_ns)
         arrived = self._bus.receive(End.DEVICE, now_ns)

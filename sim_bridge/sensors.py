@@ -104,21 +104,14 @@ class BatterySensor:
 
     IDLE_W = 40.0
     PERIOD_NS = 100_000_000
-    SAMPLE_NS = 10_000_000
 
     def __init__(self, config: SimulationConfig) -> None:
         self._config = config
         self._voltage, self._capacity_as = config.battery_v, 3600.0 * config.battery_capacity_ah
-        self._charge, self._current = 1.0, 0.0
-        self._drained_ns, self._next_ns = 0, 0
+        self._charge, self._current, self._next_ns = 1.0, 0.0, 0
 
-    def due(self, now_ns: int) -> bool:
-        """Whether the power is to be looked at."""
-        return now_ns - self._drained_ns >= self.SAMPLE_NS
-
-    def drain(self, power_w: float, now_ns: int) -> None:
-        """Take in the power that all motors together draw or give back, as that since the last time."""
-        seconds, self._drained_ns = (now_ns - self._drained_ns) / NS_PER_SECOND, now_ns
+    def drain(self, power_w: float, seconds: float) -> None:
+        """Take in the power that all motors together drew or gave back for a time."""
         self._current = (self.IDLE_W + max(power_w, 0.0)) / self._voltage
         self._charge -= self._current * seconds / self._capacity_as
 

@@ -8,8 +8,8 @@ A drive knows nothing but the frames it receives and its own encoder. At every p
 on its own measured q (quantised) and v (noisy), in its own coordinates, and the motor limits the result to the
 torque-speed curve. Without a command for the time-out it falls back to damping.
 
-Inside, positions are encoder counts, speeds those of the drive's output, and torques (with stiffness and damping) act at
-the joint; the codec takes and gives these units, so that no conversion is left to do at each step.
+Inside, positions are encoder counts, speeds those of the drive's output, and torques (with stiffness and damping) act
+at the joint; the codec takes and gives these units, so that no conversion is left to do at each step.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class VirtualDrives:
         self._overheat_code = code_of(dialect, FaultKind.MOTOR_OVER_TEMPERATURE) or 0
         self.rejections, self.clipped_replies = np.zeros(len(Rejection), np.uint32), 0
         self.enabled, self._muted, self._hot = np.zeros((3, count), np.bool_)
-        self._any_muted = False
+        self._any_muted, self._all_obey = False, False
         self._fault, self._forced = np.zeros((2, count), np.uint8)
         self._prepare_replies(models)
         self._prepare_commands(count)
@@ -251,7 +251,6 @@ class VirtualDrives:
         self._command_word, self._commanded_ns = np.zeros(count, np.uint64), np.zeros(count, np.int64)
         self._decoded = self._codec.decode_commands(self._command_word)
         self._latched, self._partial = np.zeros((2, 5, count))
-        self._all_obey = False
         self._error = np.zeros((2, count))
         self._elastic, self._viscous = self._error
 

@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
         for name in S_CURVE
     }
     print_table(
-        f"S-curve, {options.seeds} seeds",
+        f"S-curve, {options.seeds} seed{'' if options.seeds == 1 else 's'} each",
         ("controller", "completed", "error mean m", "paper", "error std m", "paper", "time s", "paper"),
         [_comparison_row(name, of_controller[name]) for name in S_CURVE],
     )

@@ -14,18 +14,18 @@ Mask = npt.NDArray[np.bool_]
 
 EDGE = 0.15
 """Part of a stance, at its begin and end, in which the foot may still or already slip."""
-SINGULAR_M3 = 1e-5
-"""Determinant of a leg's Jacobian below which it is taken for singular (a standing leg has 0.01)."""
+SINGULAR_M3 = 2e-3
+"""Determinant of a leg's Jacobian below which it is taken for singular (knee bent by 0.15 rad)."""
 
 
 def normal_force(legs: LegState, effort: Array, normal_base: Array) -> list[float]:
-    """Ground reaction along the plane's normal of each foot, N, by statics: n . f with f = -J^-T tau.
+    """Ground reaction along the plane's normal of each foot, N: n . f with f = -J^-T tau.
 
-    A leg near its singular reach, where statics say nothing, gives zero.
+    A leg near its singular reach, whose torques say nothing of it, gives zero.
 
     Args:
         legs: kinematics.
-        effort: joint torques (12,), N.m.
+        effort: joint torques less those that move the legs themselves, (12,), N.m.
         normal_base: normal of the ground in the base frame.
     """
     nx, ny, nz = normal_base.tolist()

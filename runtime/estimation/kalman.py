@@ -33,7 +33,7 @@ POSITION, VELOCITY, ROTATION, RATE_BIAS, ACCELERATION_BIAS = (slice(i, i + 3) fo
 
 _IDENTITY = np.eye(SIZE)
 HUBER = 2.0
-"""Residuals beyond this many standard deviations widen the deviation of their foot, so that a slipping foot counts less."""
+"""Residuals beyond this many standard deviations widen their foot's deviation: a slipping foot counts less."""
 
 
 class KalmanMemory(Record):

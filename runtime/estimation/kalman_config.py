@@ -22,7 +22,7 @@ class KalmanConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         localization_gate: innovations beyond this many standard deviations are rejected and counted.
         localization_stale_ns: age from which the pose counts as missing.
         contact_force_n: normal force from which a foot carries load.
-        early_contact_force_n: the same for a foot that is scheduled to be in the air, where leg inertia disturbs.
+        early_contact_force_n: the same for a foot that is scheduled to be in the air.
         contact_filter_s: low-pass on the estimated force.
         plane_time_s: low-pass on the stance plane's normal.
         course_time_s: averaging of the course velocity, about one gait cycle.
@@ -39,7 +39,7 @@ class KalmanConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     localization_gate: Positive = 6.0
     localization_stale_ns: Annotated[int, msgspec.Meta(gt=0, le=10_000_000_000)] = 1_000_000_000
     contact_force_n: Positive = 12.0
-    early_contact_force_n: Positive = 30.0
+    early_contact_force_n: Positive = 20.0
     contact_filter_s: Positive = 0.006
     plane_time_s: Positive = 0.1
     course_time_s: Positive = 0.3

@@ -12,6 +12,7 @@ from runtime.estimation import kalman
 from runtime.estimation.body_output import StanceMemory, complete
 from runtime.estimation.contact import loaded_feet, normal_force, rest_deviation
 from runtime.estimation.kalman_config import KalmanConfig
+from runtime.models.leg_dynamics import LegDynamics
 from runtime.models.leg_kinematics import LegKinematics, LegState
 from runtime.models.quadruped import Quadruped
 from runtime.models.rigid_body import GRAVITY
@@ -30,11 +31,13 @@ class EstimatorMemory(kalman.KalmanMemory, StanceMemory):
 
     rate = float64_array(3, "rad/s", "last finite sample")
     acceleration = float64_array(3, "m/s^2", "last finite sample")
+    imu_sequence = int64()
     pose_sequence = int64()
     pose_stamp_ns = int64("ns")
     poses_rejected = uint32()
     samples_rejected = uint32()
     force = float64_array("foot", "N")
+    joint_velocity = float64_array("joint", "rad/s", "of the tick before")
     history_count = int64()
     history_ns = int64_array(HISTORY, "ns")
     history = float64_array(4 * HISTORY, "", "x y z yaw of each")
@@ -66,7 +69,7 @@ class KalmanTask(Task):
     ) -> None:
         self._config, self._period_s = config, period_ns * 1e-9
         self._imu, self._joints, self._pose, self._gait, self._output = imu, joints, pose, gait, output
-        self._legs = LegKinematics(description)
+        self._legs, self._dynamics = LegKinematics(description), LegDynamics(description)
         self._foot_radius = description.foot_radius_m
         self.reads, self.writes = (imu, joints, pose, gait), (output,)
         self.state: EstimatorMemory = EstimatorMemory("/ugv/state/estimator", output.sizes)
@@ -118,9 +121,10 @@ class KalmanTask(Task):
     def _take_sample(self) -> None:
         """Use the newest IMU sample if it is finite; keep the last good one otherwise."""
         imu, memory = self._imu, self.state
-        if imu.stamp_ns == 0:
+        if imu.sequence == memory.imu_sequence:
             return
-        if isfinite(float(imu.angular_velocity.sum() + imu.linear_acceleration.sum())):
+        memory.imu_sequence = imu.sequence
+        if all(map(isfinite, imu.angular_velocity.tolist() + imu.linear_acceleration.tolist())):
             memory.rate, memory.acceleration = imu.angular_velocity, imu.linear_acceleration
         else:
             memory.samples_rejected += 1
@@ -132,7 +136,13 @@ class KalmanTask(Task):
 
     def _contacts(self, legs: LegState, rotation: Array) -> npt.NDArray[np.bool_]:
         memory, config, gait = self.state, self._config, self._gait
-        measured = normal_force(legs, self._joints.effort, self._normal() @ rotation)
+        joints = self._joints
+        acceleration = (joints.velocity - memory.joint_velocity) / self._period_s
+        memory.joint_velocity = joints.velocity
+        free = self._dynamics.free_torque(
+            memory.acceleration, memory.rate, joints.position, joints.velocity, acceleration
+        )
+        measured = normal_force(legs, joints.effort - free, self._normal() @ rotation)
         memory.force += min(1.0, self._period_s / config.contact_filter_s) * (measured - memory.force)
         if not gait.walking:
             return np.ones(4, dtype=bool)

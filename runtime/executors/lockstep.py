@@ -86,6 +86,10 @@ class _LoopRun:
         return ENTRY.pack(self.channel[record.topic], len(body)) + body
 
 
+def _release_ns(run: _LoopRun) -> int:
+    return run.release_ns
+
+
 class Lockstep:
     """Steps loops in virtual time.
 
@@ -125,17 +129,15 @@ class Lockstep:
         return {run.loop.name: run.compute_ns for run in self._runs}
 
     def run(self, until_ns: int, stop: Callable[[int], bool]) -> int:
-        """Run until the given time, or until `stop(now_ns)` says so; returns the virtual time reached."""
-        now_ns = 0
-        while now_ns < until_ns:
-            run = min(self._runs, key=lambda candidate: candidate.release_ns)
-            now_ns = run.release_ns
+        """Take every step released before `until_ns`, or until `stop(now_ns)` says so; returns the time reached."""
+        while True:
+            run = min(self._runs, key=_release_ns)
+            now_ns = min(run.release_ns, until_ns)
             self._depart(now_ns)
             self._world.advance(now_ns)
-            if stop(now_ns):
-                break
+            if now_ns == until_ns or stop(now_ns):
+                return now_ns
             self._step(run, now_ns)
-        return now_ns
 
     def _depart(self, now_ns: int) -> None:
         while self._departures and self._departures[0][0] <= now_ns:

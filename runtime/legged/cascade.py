@@ -19,8 +19,10 @@ from scipy.linalg import lapack
 
 Array = npt.NDArray[np.float64]
 
-DAMPING = 1e-4
-"""Damping of the inverses: a pivot r of R acts as r + DAMPING^2 / r, so that a singular leg gets a bounded answer."""
+SINGULAR_PIVOT = 0.05
+"""Pivots of R below this are damped; the smallest of a bent leg is 0.1 and more, so that there nothing is."""
+DAMPING = 0.04
+"""Damping of a vanishing pivot: r acts as r + (DAMPING^2 (1 - (r / SINGULAR_PIVOT)^2)) / r."""
 _SMALLEST_PIVOT = 1e-12
 
 
@@ -47,7 +49,8 @@ def prioritised_motion(tasks: Sequence[MotionTask]) -> Array:
     factors, reflectors, _, _ = lapack.dgeqrf(stacked.T)
     pivots = factors.diagonal()
     safe = np.where(np.abs(pivots) > _SMALLEST_PIVOT, pivots, _SMALLEST_PIVOT)
-    factors.flat[: rows * (rows + 1) : rows + 1] = safe + DAMPING**2 / safe
+    activation = np.maximum(0.0, 1.0 - np.square(safe / SINGULAR_PIVOT))
+    factors.flat[: rows * (rows + 1) : rows + 1] = safe + DAMPING**2 * activation / safe
     answer = np.zeros((stacked.shape[1], demand.shape[1]))
     answer[:rows], _ = lapack.dtrtrs(factors[:rows], demand, lower=0, trans=1)
     motion, _, _ = lapack.dormqr("L", "N", factors, reflectors, answer, 64 * rows)

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 
@@ -15,7 +17,7 @@ Mask = npt.NDArray[np.bool_]
 
 def stance_schedule(config: GaitConfig, cycle_start_ns: int, boundaries_ns: list[int]) -> Mask:
     """Feet that stand in each step of the horizon, (N, 4), by the gait at the steps' middles."""
-    middles = [(begin + end) // 2 for begin, end in zip(boundaries_ns, boundaries_ns[1:], strict=False)]
+    middles = [(begin + end) // 2 for begin, end in pairwise(boundaries_ns)]
     return np.array([scheduled_stance(config, foot_phases(config, cycle_start_ns, middle)) for middle in middles])
 
 
@@ -49,7 +51,7 @@ def contact_points(
 
 
 def _landing_after_next(stands: list[bool]) -> int:
-    """First step of the stance whose place is not yet known: the first landing of a standing foot, the second of another.
+    """First step of a stance whose place is not yet known: a standing foot's first landing, another's second.
 
     The number of steps if there is none within the horizon.
     """

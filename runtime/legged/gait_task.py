@@ -13,12 +13,14 @@ from runtime.legged.gait import GaitConfig, foot_phases, phase_progress, schedul
 from runtime.legged.swing import SwingConfig, foot_reference
 from runtime.models.quadruped import Quadruped
 from runtime.models.rotations import yaw_of_quaternion
-from runtime.records import Record, boolean, boolean_array, float64_array, int64, uint32
+from runtime.records import Record, boolean, boolean_array, float64_array, int64, int64_array, uint32
 from runtime.signals import BodyCommand, BodyState, Gait, Mode, Posture, SafetyStatus, Stance
 from runtime.tasks import Task
 
 Array = npt.NDArray[np.float64]
 
+LOST_AFTER_NS = 20_000_000
+"""A standing foot that has not carried load for so long searches for the ground again."""
 EARLIEST_TOUCHDOWN = 0.6
 """Part of a swing before which contact is the foot scraping or lifting off, not landing."""
 STANDSTILL_MPS = 0.02
@@ -34,7 +36,9 @@ class GaitMemory(Record):
     touched = boolean_array("foot", "the foot has met the ground since it lifted off")
     lift_off = float64_array("foot_xyz", "m", "where each foot left the ground")
     foothold = float64_array("foot_xyz", "m")
+    loaded_ns = int64_array("foot", "ns", "when each foot last carried load")
     late_contacts = uint32()
+    lost_contacts = uint32()
     early_contacts = uint32()
 
 
@@ -79,7 +83,7 @@ class GaitTask(Task):
         if memory.walking:
             phases = foot_phases(self._gait, memory.cycle_start_ns, now_ns)
             stance, progress = scheduled_stance(self._gait, phases), phase_progress(self._gait, phases)
-        self._follow_contacts(stance, progress, body.foot_position.reshape(4, 3))
+        self._follow_contacts(now_ns, stance, progress, body.foot_position.reshape(4, 3))
         touched = memory.touched.tolist()
         self._place_feet(touched, stance, progress)
         contact = [
@@ -96,6 +100,7 @@ class GaitTask(Task):
         output.foothold = memory.foothold
         output.late_contacts = memory.late_contacts
         output.early_contacts = memory.early_contacts
+        output.lost_contacts = memory.lost_contacts
 
     def _start_or_stop(self, now_ns: int, balancing: bool) -> None:
         memory, command = self.state, self._command
@@ -115,7 +120,7 @@ class GaitTask(Task):
                 memory.walking = False
                 memory.touched = True
 
-    def _follow_contacts(self, stance: list[bool], progress: list[float], feet: Array) -> None:
+    def _follow_contacts(self, now_ns: int, stance: list[bool], progress: list[float], feet: Array) -> None:
         """Latch touchdowns; a foot lifts off at the start of its swing and touches down only late in it."""
         memory = self.state
         touched, lift_off, targets = memory.touched, memory.lift_off.reshape(4, 3), memory.foothold.reshape(4, 3)
@@ -124,6 +129,12 @@ class GaitTask(Task):
             if not stance[foot] and stood[foot]:
                 touched[foot] = False
                 lift_off[foot] = feet[foot]
+            if loaded[foot]:
+                memory.loaded_ns[foot] = now_ns
+            unloaded_ns = now_ns - memory.loaded_ns[foot]
+            if memory.walking and touched[foot] and stance[foot] and unloaded_ns > LOST_AFTER_NS:
+                touched[foot] = False
+                memory.lost_contacts += 1
             elif loaded[foot] and not touched[foot] and (stance[foot] or progress[foot] > EARLIEST_TOUCHDOWN):
                 touched[foot] = True
                 if stance[foot]:

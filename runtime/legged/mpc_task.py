@@ -89,6 +89,8 @@ class MpcTask(Task):
         begin_ns = now_ns + self._latency_ns
         boundaries = knots(self._gait, self._gait_state.cycle_start_ns, begin_ns, self._config.steps)
         horizon = self._horizon(boundaries)
+        if not np.isfinite(horizon.reference).all():
+            memory.started = False  # the reference starts anew from the next finite state
         plan = self._mpc.plan(horizon)
         if plan.solved:
             output.stamp_ns, output.knot_ns = begin_ns, boundaries

@@ -88,15 +88,15 @@ def wrapped(angle: float) -> float:
 
 def aligned_with_plane(yaw: float, normal: Array) -> Array:
     """Rotation (3, 3) whose z axis is the plane's normal and whose x axis has the given heading, seen from above."""
-    c, s = math.cos(yaw), math.sin(yaw)
     nx, ny, nz = normal.tolist()
-    lx, ly, lz = -nz * s, nz * c, nx * s - ny * c
-    scale = 1.0 / math.sqrt(lx * lx + ly * ly + lz * lz)
-    lx, ly, lz = lx * scale, ly * scale, lz * scale
+    x, y = math.cos(yaw), math.sin(yaw)
+    z = -(nx * x + ny * y) / nz
+    scale = 1.0 / math.sqrt(x * x + y * y + z * z)
+    x, y, z = x * scale, y * scale, z * scale
     return np.array(
         [
-            [ly * nz - lz * ny, lx, nx],
-            [lz * nx - lx * nz, ly, ny],
-            [lx * ny - ly * nx, lz, nz],
+            [x, ny * z - nz * y, nx],
+            [y, nz * x - nx * z, ny],
+            [z, nx * y - ny * x, nz],
         ]
     )

@@ -25,6 +25,11 @@ RESIDUAL_TOLERANCE = 1e-5
 """Largest accepted violation of the optimality conditions, relative to the gradient's and bounds' magnitude."""
 
 
+GRADIENT_SCALE = 100.0
+"""Size in which proxsuite is given the gradient: its thresholds are absolute, and small ones look infeasible to it."""
+_TINY = 1e-12
+
+
 class QpSolution(NamedTuple):
     """The answer to one quadratic program.
 
@@ -67,16 +72,24 @@ def relative_residual(
     lower: Array,
     upper: Array,
 ) -> float:
-    """Largest relative violation of stationarity and primal feasibility (infinity if anything is not finite)."""
+    """Largest relative violation of the optimality conditions; infinity if anything is not finite.
+
+    The conditions are stationarity, feasibility, and that a multiplier pushes only away from a bound that is reached: a
+    positive one from the upper, a negative one from the lower.
+    """
     variables = x.shape[0]
     stationarity = hessian @ x + gradient + multipliers[:variables] + multipliers[variables:] @ constraints
     values = np.concatenate((x, constraints @ x))
-    violation = float(np.maximum(values - upper, lower - values).max())
-    residual = max(
-        float(np.abs(stationarity).max()) / (1.0 + float(np.abs(gradient).max())),
-        violation / (1.0 + float(np.abs(values).max())),
+    above, below = upper - values, values - lower
+    slack = np.minimum(np.where(multipliers > 0.0, above, below), np.abs(multipliers))
+    force = 1.0 + float(np.abs(gradient).max())
+    size = 1.0 + float(np.abs(values).max())
+    parts = (
+        float(np.abs(stationarity).max()) / force,
+        -float(np.minimum(above, below).min()) / size,
+        float(slack.max()) / min(force, size),
     )
-    return residual if math.isfinite(residual) else math.inf
+    return max(parts) if math.isfinite(sum(parts)) else math.inf
 
 
 def _is_finite(hessian: Array, gradient: Array) -> bool:
@@ -153,10 +166,11 @@ class Proxqp:
         if not _is_finite(hessian, gradient):
             return QpSolution(np.zeros(variables), False, math.inf, 0, math.nan)
         rows = np.vstack((np.eye(variables), constraints))
+        scale = GRADIENT_SCALE / max(float(np.abs(gradient).max()), _TINY)
         dense = self._module.proxqp.dense
         result = dense.solve_no_gil(
-            hessian,
-            gradient,
+            scale * hessian,
+            scale * gradient,
             None,
             None,
             rows,
@@ -168,9 +182,13 @@ class Proxqp:
         )
         x = np.asarray(result.x)
         solved = result.info.status == self._module.proxqp.QPSolverOutput.PROXQP_SOLVED
-        residual = relative_residual(x, np.asarray(result.z), hessian, gradient, constraints, lower, upper)
+        residual = relative_residual(x, np.asarray(result.z) / scale, hessian, gradient, constraints, lower, upper)
         return QpSolution(
-            x, solved and residual < RESIDUAL_TOLERANCE, residual, int(result.info.iter), float(result.info.objValue)
+            x,
+            solved and residual < RESIDUAL_TOLERANCE,
+            residual,
+            int(result.info.iter),
+            float(result.info.objValue) / scale,
         )
 
 

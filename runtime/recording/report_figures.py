@@ -287,16 +287,17 @@ def _loop_times(data: RunData) -> ReportFigure | None:
     for row, (loop, color) in enumerate(zip(loops, (_BLUE, _ORANGE, _GREEN, _VIOLET) * len(loops), strict=False)):
         ticks = data.ticks[loop.name]
         cost, t = ticks.values["compute_ns"] / 1e6, ticks.log_ns / 1e9
+        shares = (50.0, 99.0, 99.9)
+        values = np.percentile(cost, shares)
+        top = max(1.3 * float(values[-1]), 1.2 * loop.budget_ns / 1e6)
         late, histogram = figure.add_subplot(grid[row, 0]), figure.add_subplot(grid[row, 1])
         _line(late, t, cost, loop.name, color, 0.8)
         late.axhline(loop.budget_ns / 1e6, color=_RED, linewidth=1.0, linestyle="--", label="budget")
-        late.set(ylabel="compute time (ms)", xlabel="time (s)" if row == len(loops) - 1 else "", ylim=(0.0, None))
-        late.set_title(f"{loop.name}, {1e9 / loop.period_ns:g} Hz")
+        late.set(ylabel="compute time (ms)", xlabel="time (s)" if row == len(loops) - 1 else "", ylim=(0.0, top))
+        late.set_title(f"{loop.name}, {1e9 / loop.period_ns:g} Hz, max {float(cost.max()):.3g} ms")
         _legend(late)
-        histogram.hist(cost, bins=60, color=color, alpha=0.75, log=True)
+        histogram.hist(np.minimum(cost, top), bins=60, range=(0.0, top), color=color, alpha=0.75, log=True)
         histogram.set(xlabel="compute time (ms)" if row == len(loops) - 1 else "", ylabel="ticks")
-        shares = (50.0, 99.0, 99.9)
-        values = np.percentile(cost, shares)
         for value in values:
             histogram.axvline(float(value), color=_INK, linewidth=0.9, linestyle="--")
         histogram.set_title(
@@ -304,7 +305,8 @@ def _loop_times(data: RunData) -> ReportFigure | None:
         )
     return ReportFigure(
         "Loop times",
-        "Wall time that the tasks of each loop took, tick by tick, and how it is distributed.",
+        "Wall time that the tasks of each loop took, tick by tick, and how it is distributed; the axes end above the "
+        "99.9th percentile, and what is longer counts at their end.",
         _svg(figure),
     )
 

@@ -129,11 +129,12 @@ class SafetyTask(Task):
         effort = np.minimum(np.maximum(command.effort, -config.effort_max_nm), config.effort_max_nm)
         step = self._effort_step
         effort = np.minimum(np.maximum(effort, memory.effort - step), memory.effort + step)
-        limited = (position != command.position) | (effort != command.effort)
-        memory.limited += int(np.count_nonzero(limited))
-        memory.effort = effort
-        output.position, output.velocity, output.effort = position, command.velocity, effort
-        output.stiffness, output.damping = command.stiffness, command.damping
+        output.position, output.effort, memory.effort = position, effort, effort
+        output.velocity = np.clip(command.velocity, -config.velocity_max_radps, config.velocity_max_radps)
+        output.stiffness = np.clip(command.stiffness, 0.0, config.stiffness_max_nm_prad)
+        output.damping = np.clip(command.damping, 0.0, config.damping_max_nms_prad)
+        for name in ("position", "velocity", "effort", "stiffness", "damping"):
+            memory.limited += int(np.count_nonzero(getattr(output, name) != getattr(command, name)))
 
     def _damp(self) -> None:
         """No stiffness, no torque, velocity damping."""

@@ -25,7 +25,8 @@ class SafetyConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         position_min_rad, position_max_rad: commands beyond are clipped; a measured position more than
             `position_margin_rad` beyond damps the robot.
         position_margin_rad: as said.
-        velocity_max_radps: measured joint velocities above damp the robot.
+        velocity_max_radps: commanded joint velocities above are clipped; measured ones damp the robot.
+        stiffness_max_nm_prad, damping_max_nms_prad: commanded gains are clipped to between zero and these.
         effort_max_nm: feed-forward torques above are clipped.
         effort_rate_max_nmps: feed-forward torques that change faster are limited.
         tilt_max_rad: angle between the trunk's z axis and the vertical.
@@ -40,6 +41,8 @@ class SafetyConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     position_max_rad: Triple = (1.0, 1.5, 2.75)
     position_margin_rad: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.15
     velocity_max_radps: Annotated[float, msgspec.Meta(gt=0.0, le=100.0)] = 30.0
+    stiffness_max_nm_prad: Annotated[float, msgspec.Meta(gt=0.0, le=500.0)] = 200.0
+    damping_max_nms_prad: Annotated[float, msgspec.Meta(gt=0.0, le=5.0)] = 5.0
     effort_max_nm: Annotated[float, msgspec.Meta(gt=0.0, le=500.0)] = 33.0
     effort_rate_max_nmps: Annotated[float, msgspec.Meta(gt=0.0, le=1e6)] = 20000.0
     tilt_max_rad: Annotated[float, msgspec.Meta(gt=0.1, le=1.5)] = 1.0
@@ -77,7 +80,7 @@ def joint_bounds(config: SafetyConfig) -> tuple[Array, Array]:
 def tilt(orientation: Array) -> float:
     """Angle between the trunk's z axis and the vertical, rad; NaN if the orientation is not finite."""
     x, y, z, w = orientation.tolist()
-    if not math.isfinite(x + y + z + w):
+    if not all(map(math.isfinite, (x, y, z, w))):
         return math.nan
     return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
 
@@ -87,7 +90,7 @@ def sensor_faults(
 ) -> Fault:
     """What is wrong with the inputs."""
     found = 0
-    if not math.isfinite(float(imu.angular_velocity.sum() + imu.linear_acceleration.sum())):
+    if not all(map(math.isfinite, imu.angular_velocity.tolist() + imu.linear_acceleration.tolist())):
         found |= Fault.NON_FINITE_SENSOR.value
     if now_ns - imu.stamp_ns > config.imu_age_max_ns:
         found |= Fault.STALE_IMU.value
@@ -113,5 +116,5 @@ def sensor_faults(
 
 def is_finite(command: JointCommand) -> bool:
     """Whether every number of a command is finite."""
-    total = command.position.sum() + command.velocity.sum() + command.effort.sum()
-    return math.isfinite(float(total + command.stiffness.sum() + command.damping.sum()))
+    parts = (command.position, command.velocity, command.effort, command.stiffness, command.damping)
+    return all(all(map(math.isfinite, part.tolist())) for part in parts)

@@ -23,11 +23,10 @@ def next_mode(mode: Mode, healthy: bool, armed: bool, reset: bool, motion: Motio
         return Mode.STANDBY if healthy and reset and not armed else Mode.DAMPED
     if mode == Mode.OFF:
         return Mode.STANDBY if healthy else Mode.OFF
-    if mode == Mode.STANDBY:
-        wanted = armed and healthy and motion in (Motion.STAND, Motion.WALK)
-        return Mode.STANDING if wanted else Mode.STANDBY
     if not healthy:
         return Mode.DAMPED
+    if mode == Mode.STANDBY:
+        return Mode.STANDING if armed and motion in (Motion.STAND, Motion.WALK) else Mode.STANDBY
     resting = stance == Stance.RESTING and motion in (Motion.REST, Motion.SIT)
     if not armed or (mode == Mode.STANDING and resting):
         return Mode.STANDBY if resting else Mode.DAMPED

@@ -90,6 +90,54 @@ def test_no_bus_carries_two_frames_at_once_and_none_is_lost(frames):
         assert (np.diff(received.arrival_ns[received.bus == wire]) >= FRAME_NS).all()
 
 
+def plain_arrivals(sent, until_ns):
+    """(arrival, wire, id) by the rule alone: of what waits when a wire falls free the lowest id goes first."""
+    arrivals = []
+    for wire in {wire for _, _, wire in sent}:
+        waiting, now_ns = [(can_id, order, at_ns) for order, (can_id, at_ns, w) in enumerate(sent) if w == wire], 0
+        while waiting:
+            now_ns = max(now_ns, min(at_ns for _, _, at_ns in waiting))
+            first = min(frame for frame in waiting if frame[2] <= now_ns)
+            waiting.remove(first)
+            now_ns += FRAME_NS
+            if now_ns <= until_ns:
+                arrivals.append((now_ns, wire, first[0]))
+    return sorted(arrivals)
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 0x7FF), st.integers(0, 1_000_000), st.integers(0, 2)), max_size=15),
+    st.lists(st.integers(0, 3_000_000), max_size=4),
+    st.integers(0, 10**15),
+)
+def test_arrivals_follow_the_rule_at_any_time_and_however_often_one_asks(frames, stops, epoch_ns):
+    bus = MemoryBus(3)
+    bus.receive(End.DEVICE, epoch_ns)
+    for can_id, at_ns, wire in frames:
+        send(bus, [can_id], epoch_ns + at_ns, wires=[wire])
+    seen = []
+    for stop in [*sorted(stops), LATE]:
+        received = bus.receive(End.DEVICE, epoch_ns + stop)
+        columns = (received.arrival_ns - epoch_ns, received.bus, received.frames["can_id"])
+        seen += list(zip(*(column.tolist() for column in columns), strict=True))
+    assert seen == plain_arrivals(frames, LATE)
+
+
+def test_the_same_traffic_takes_the_same_times_in_every_period():
+    bus, seen = MemoryBus(2), []
+    for start_ns in range(0, 20_000_000, 2_000_000):
+        send(bus, [3, 1, 2, 1], start_ns + 800_000, wires=[0, 0, 0, 1])
+        for step_ns in (1_000_000, 2_000_000):
+            frames, wires, arrival_ns = bus.receive(End.DEVICE, start_ns + step_ns)
+            bus.send(End.DEVICE, wires, frames, arrival_ns)
+        replies = bus.receive(End.HOST, start_ns + 2_000_000)
+        seen.append((replies.frames["can_id"].tolist(), (replies.arrival_ns - start_ns).tolist()))
+    assert seen == [seen[0]] * 10
+    assert seen[0] == ([1, 1, 2, 3], [1_070_000, 1_070_000, 1_475_000, 1_610_000])
+    assert bus._timetable.send.cache_info().misses < 10
+    assert bus._timetable.receive.cache_info().misses < 10
+
+
 def test_overflow_is_counted_at_the_end_that_suffers():
     bus = MemoryBus(1, queue_capacity=3, receive_capacity=2)
     send(bus, [1, 2, 3, 4, 5])
@@ -119,8 +167,10 @@ def test_tampering_alters_or_destroys():
 
 
 def test_what_does_not_exist_is_refused():
+    bus = MemoryBus(1)
     with pytest.raises(FrameError, match="no bus 1"):
-        send(MemoryBus(1), [1], wires=[1])
+        send(bus, [1, 2], wires=[0, 1])
+    assert len(bus.receive(End.DEVICE, LATE).frames) == 0
     with pytest.raises(DriverConfigError, match="0 buses"):
         MemoryBus(0)
 

@@ -13,7 +13,7 @@ from drivers.errors import DriverConfigError
 from drivers.joint_group import REJECTED, JointGroup, Readings
 from drivers.joints import Joint
 from drivers.memory_bus import End, MemoryBus
-from sim_bridge.drive_model import DriveModel
+from sim_bridge.drive_model import DriveModel, TorqueSpeedCurve
 from sim_bridge.virtual_drive import VirtualDrives
 
 RANGES = Ranges((-12.5, 12.5), (-65.0, 65.0), (-40.0, 40.0), (0.0, 500.0), (0.0, 5.0))
@@ -152,6 +152,18 @@ def test_drives_idle_until_enabled_and_after_disabling_but_answer():
     np.testing.assert_allclose(rig.at(0.1, 0.0, 4 * MS), 5.0, atol=0.02)
 
 
+def test_commands_that_arrive_in_parts_work_like_one_batch():
+    whole, parts = Rig(), Rig()
+    for tick in range(1, 5):
+        whole.command(tick * MS, position=0.1 * tick, effort=1.0, stiffness=20.0, damping=1.0)
+        frames = whole.group.frames
+        for rows in (slice(0, None, 3), slice(1, None, 3), slice(2, None, 3)):
+            times = np.full(4, tick * MS, np.int64)
+            parts.drives.answer(frames[rows], parts.group.bus[rows], times)
+        expected = whole.at(0.1, 0.5, tick * MS)
+        np.testing.assert_array_equal(parts.at(0.1, 0.5, tick * MS), expected)
+
+
 def test_setting_zero_moves_the_zero_and_nothing_else():
     rig = Rig()
     rig.at(0.7)
@@ -285,6 +297,18 @@ def test_voltage_is_reported_where_the_dialect_has_it():
     frames = rig.group.enable_frames()
     replies, _, _ = rig.drives.answer(frames, rig.group.bus, np.zeros(12, np.int64))
     assert replies.view(FRAME_WORDS)["word"][0] >> 8 & 0xFF == 48
+
+
+def test_limiting_never_depends_on_the_other_motors():
+    curve = TorqueSpeedCurve([MODEL] * 3)
+    generator = np.random.default_rng(0)
+    for _ in range(500):
+        torque, velocity = generator.uniform(-40, 40, 3), generator.uniform(-30, 30, 3)
+        upper = np.clip(33.0 * (1 - velocity / 25.0), 0.0, 33.0)
+        lower = np.clip(33.0 * (-1 - velocity / 25.0), -33.0, 0.0)
+        limited = torque.copy()
+        curve.limit(limited, velocity)
+        np.testing.assert_allclose(limited, np.clip(torque, lower, upper), atol=1e-12)
 
 
 def test_a_contradictory_model_is_refused():
