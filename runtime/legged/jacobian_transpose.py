@@ -7,13 +7,18 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from runtime.legged.whole_body import JointDamping, planned_force
-from runtime.models.leg_kinematics import LegKinematics
+from runtime.models.leg_kinematics import LegKinematics, LegState
 from runtime.models.quadruped import Quadruped
 from runtime.models.rotations import matrix_of_quaternion
+from runtime.models.vectors import skew
 from runtime.signals import BodyState, ContactForces, Gait, JointCommand, JointState
 
+Array = npt.NDArray[np.float64]
+RATE_DAMPING_M2 = 1e-4
+"""Damping of the leg Jacobians' inverses, whose squares are about 0.05."""
 Gain = Annotated[float, msgspec.Meta(ge=0.0, le=1e5)]
 
 
@@ -22,12 +27,14 @@ class JacobianTransposeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields
 
     Attributes:
         swing_stiffness_n_pm, swing_damping_ns_pm: of the feet in the air.
-        joint_damping_nms_prad: of every joint, by the drives.
+        stance_joint_damping_nms_prad, swing_joint_damping_nms_prad: of the joints of standing legs and of others, by
+            the drives.
     """
 
     swing_stiffness_n_pm: Gain = 1000.0
     swing_damping_ns_pm: Gain = 10.0
-    joint_damping_nms_prad: JointDamping = 1.0
+    stance_joint_damping_nms_prad: JointDamping = 0.2
+    swing_joint_damping_nms_prad: JointDamping = 1.0
 
 
 class JacobianTransposeLaw:
@@ -65,8 +72,18 @@ class JacobianTransposeLaw:
         force = np.where(contact, -planned_force(self._forces, now_ns), pull.reshape(4, 3))
         output.stamp_ns = now_ns
         output.position = self._joints.position
-        output.velocity = 0.0
+        output.velocity = self._joint_rates(legs, rotation)
         output.effort = np.matmul(legs.jacobian.transpose(0, 2, 1), (force @ rotation)[:, :, None]).ravel()
         output.stiffness = 0.0
-        output.damping = config.joint_damping_nms_prad
+        damping = (config.swing_joint_damping_nms_prad, config.stance_joint_damping_nms_prad)
+        output.damping = np.repeat(np.where(gait.contact, damping[1], damping[0]), 3)
         return True
+
+    def _joint_rates(self, legs: LegState, rotation: Array) -> Array:
+        """Joint velocities (12,) that move the feet as referred, at rest where they stand, under the moving trunk."""
+        body = self._body
+        wanted = (self._gait.swing_velocity.reshape(4, 3) - body.linear_velocity) @ rotation
+        wanted += legs.position @ skew(body.angular_velocity)
+        transposed = legs.jacobian.transpose(0, 2, 1)
+        normal = transposed @ legs.jacobian + RATE_DAMPING_M2 * np.eye(3)
+        return np.asarray(np.linalg.solve(normal, transposed @ wanted[:, :, None]).ravel())

@@ -114,7 +114,7 @@ class MpcTask(Task):
             self._joints.position,
             self._joints.velocity,
         )
-        durations = np.diff(np.array(boundaries, dtype=np.int64)) * 1e-9
+        durations: Array = np.diff(np.array(boundaries, dtype=np.int64)).astype(np.float64) * 1e-9
         state = self._predicted_state(rotation, spin)
         reference = self._reference(state, durations)
         stance = np.ones((self._config.steps, 4), dtype=bool)

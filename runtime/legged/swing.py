@@ -16,13 +16,15 @@ class SwingConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         height_m: apex above the higher of lift-off and foothold.
-        touchdown_speed_mps: downward speed at the foothold, kept up until contact when the ground comes late.
-        reach_below_m: how far below the foothold a foot searches for late ground.
+        touchdown_speed_mps: downward speed at the foothold.
+        search_speed_mps: downward speed of a foot that searches for late ground.
+        reach_below_m: how far below the foothold it searches.
     """
 
     height_m: Annotated[float, msgspec.Meta(gt=0.0, le=0.2)] = 0.08
     touchdown_speed_mps: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.2
-    reach_below_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.2)] = 0.06
+    search_speed_mps: Annotated[float, msgspec.Meta(gt=0.0, le=2.0)] = 0.5
+    reach_below_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.2)] = 0.1
 
 
 def _quintic(begin: float, end: float, end_rate: float, s: float) -> tuple[float, float, float]:
@@ -77,8 +79,8 @@ def _search(
     config: SwingConfig, foothold: Vector, normal: Vector, late_s: float
 ) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
     """The ground is late: go on downwards, and hold at the end of the reach."""
-    depth = min(config.touchdown_speed_mps * late_s, config.reach_below_m)
-    speed = config.touchdown_speed_mps if depth < config.reach_below_m else 0.0
+    depth = min(config.search_speed_mps * late_s, config.reach_below_m)
+    speed = config.search_speed_mps if depth < config.reach_below_m else 0.0
     return (
         tuple(p - depth * n for p, n in zip(foothold, normal, strict=True)),
         tuple(-speed * n for n in normal),

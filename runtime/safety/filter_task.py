@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from runtime.records import Record, float64_array, uint8, uint32
-from runtime.safety.limits import SafetyConfig, is_finite, joint_bounds, sensor_faults
+from runtime.records import Record, float64_array, int64, uint8, uint32
+from runtime.safety.limits import SafetyConfig, is_finite, is_finite_sample, joint_bounds, sensor_faults
 from runtime.safety.state_machine import next_mode
 from runtime.signals import (
     Battery,
@@ -35,6 +35,7 @@ class SafetyMemory(Record):
     """What the filter must remember."""
 
     mode = uint8()
+    imu_ns = int64("ns", "stamp of the last finite inertial sample")
     fault = uint32()
     limited = uint32()
     faults = uint32()
@@ -82,7 +83,12 @@ class SafetyTask(Task):
     def step(self, now_ns: int) -> None:
         """One tick; see `Task`."""
         memory, config, operator = self.state, self._config, self._operator
-        found = sensor_faults(config, now_ns, self._imu, self._joints, self._body, self._battery.voltage)
+        finite = is_finite_sample(self._imu)
+        if finite:
+            memory.imu_ns = self._imu.stamp_ns
+        found = sensor_faults(config, now_ns, memory.imu_ns, self._joints, self._body, self._battery.voltage)
+        if not finite:
+            found |= Fault.NON_FINITE_SENSOR
         found |= self._command_faults(now_ns)
         before = Mode(memory.mode)
         mode = next_mode(

@@ -85,14 +85,26 @@ def tilt(orientation: Array) -> float:
     return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
 
 
+def is_finite_sample(imu: Imu) -> bool:
+    """Whether every number of an inertial sample is finite."""
+    return all(map(math.isfinite, imu.angular_velocity.tolist() + imu.linear_acceleration.tolist()))
+
+
 def sensor_faults(
-    config: SafetyConfig, now_ns: int, imu: Imu, joints: JointState, body: BodyState, voltage: float
+    config: SafetyConfig, now_ns: int, imu_ns: int, joints: JointState, body: BodyState, voltage: float
 ) -> Fault:
-    """What is wrong with the inputs."""
+    """What is wrong with the inputs.
+
+    Args:
+        config: limits.
+        now_ns: the present.
+        imu_ns: stamp of the last inertial sample that was finite.
+        joints: measured.
+        body: estimated.
+        voltage: of the battery, V; 0 if it is not known.
+    """
     found = 0
-    if not all(map(math.isfinite, imu.angular_velocity.tolist() + imu.linear_acceleration.tolist())):
-        found |= Fault.NON_FINITE_SENSOR.value
-    if now_ns - imu.stamp_ns > config.imu_age_max_ns:
+    if now_ns - imu_ns > config.imu_age_max_ns:
         found |= Fault.STALE_IMU.value
     oldest_ns = min(joints.reply_ns.tolist())
     if oldest_ns == 0 or now_ns - oldest_ns > config.motor_age_max_ns:

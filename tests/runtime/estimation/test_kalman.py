@@ -7,7 +7,9 @@ import pytest
 
 from runtime import signals
 from runtime.estimation import kalman
+from runtime.estimation.contact import normal_force
 from runtime.estimation.kalman_task import KalmanTask
+from runtime.models.leg_dynamics import LegDynamics
 from runtime.models.leg_kinematics import LegKinematics
 from runtime.models.rigid_body import GRAVITY
 from runtime.robots import load_configuration
@@ -53,9 +55,12 @@ class Rig:
         self.pose.position = position
         self.pose.orientation = pin.Quaternion(pin.rpy.rpyToMatrix(*tilt, yaw)).coeffs()
 
-    def step(self):
+    def step(self, fresh=True):
+        """One tick, with a new inertial sample or without."""
         self.now_ns += PERIOD_NS
-        self.imu.stamp_ns = self.now_ns
+        if fresh:
+            self.imu.stamp_ns = self.now_ns
+            self.imu.sequence += 1
         self.task.step(self.now_ns)
 
     @property
@@ -238,6 +243,23 @@ def test_a_sample_that_is_not_finite_is_bridged_and_counted(which, value):
     assert np.isfinite(np.frombuffer(rig.task.state.covariance.tobytes())).all()
 
 
+def test_a_bad_sample_that_stays_is_counted_once_and_a_good_one_is_used_until_the_next():
+    rig = Rig()
+    rig.step()
+    rig.imu.angular_velocity[0] = np.nan
+    rig.step()
+    for _ in range(5):
+        rig.step(fresh=False)
+    assert rig.body.imu_rejected == 1
+    rig.imu.angular_velocity = (0.0, 0.0, 0.3)
+    rig.step(fresh=False)
+    assert rig.body.angular_velocity[2] == pytest.approx(0.0, abs=1e-3), "without a new number it is no new sample"
+    rig.step()
+    rig.imu.angular_velocity = 0.0
+    rig.step(fresh=False)
+    assert rig.body.angular_velocity[2] == pytest.approx(0.3, abs=1e-2)
+
+
 def test_the_first_pose_may_be_nan():
     rig = Rig(position=(np.nan, 0.0, 0.0))
     rig.step()
@@ -257,6 +279,81 @@ def test_without_contact_and_pose_the_trunk_falls_as_the_imu_says():
     for _ in range(100):
         rig.step()
     np.testing.assert_allclose(rig.body.linear_velocity - before, (0.0, 0.0, -GRAVITY * 0.2), atol=1e-6)
+
+
+DYNAMICS = LegDynamics(ROBOT)
+
+
+def support(rig, forces, acceleration=None):
+    """Joint efforts of the rig's present motion when the ground pushes its feet with vertical forces (4,)."""
+    joints = rig.joints
+    legs = LEGS.forward(joints.position, joints.velocity)
+    free = DYNAMICS.free_torque(
+        rig.imu.linear_acceleration,
+        rig.imu.angular_velocity,
+        joints.position,
+        joints.velocity,
+        np.zeros(12) if acceleration is None else acceleration,
+    )
+    push = np.outer(forces, (0.0, 0.0, 1.0))
+    joints.effort = free - np.einsum("fij,fi->fj", legs.jacobian, push).ravel()
+
+
+def test_the_force_of_each_foot_is_found_from_the_efforts():
+    rig, forces = Rig(), np.array([40.0, 25.0, 10.0, 55.0])
+    support(rig, forces)
+    for _ in range(100):
+        rig.step()
+    np.testing.assert_allclose(rig.body.contact_force, forces, atol=0.05)
+
+
+def test_a_leg_that_swings_without_touching_anything_carries_nothing():
+    """Its weight and inertia, a knee that accelerates by 300 rad/s^2 and more, are not taken for contact."""
+    rig = Rig()
+    rig.gait.walking, rig.gait.stance, rig.gait.foot_phase = True, [True, False, False, True], 0.7
+    base, largest, raw = rig.joints.position.copy(), 0.0, 0.0
+    swinging = np.repeat([False, True, True, False], 3) * np.tile([0.0, 0.6, -1.0], 4)
+    for tick in range(300):
+        at, rate = tick * 0.002, 18.0
+        rig.joints.position = base + 0.5 * np.sin(rate * at) * swinging
+        rig.joints.velocity = 0.5 * rate * np.cos(rate * at) * swinging
+        # the task's own difference of two samples, so that only its formula is at stake
+        before = 0.5 * rate * np.cos(rate * (at - 0.002)) * swinging if tick else 0.0
+        support(rig, np.array([62.0, 0.0, 0.0, 62.0]), (rig.joints.velocity - before) / 0.002)
+        rig.step()
+        if tick > 20:
+            largest = max(largest, np.abs(rig.body.contact_force[1:3]).max())
+            legs = LEGS.forward(rig.joints.position, rig.joints.velocity)
+            raw = max(raw, np.abs(normal_force(legs, rig.joints.effort, np.array([0.0, 0.0, 1.0]))[1:3]).max())
+            assert rig.body.contact.tolist() == [True, False, False, True]
+    assert largest < 2.0
+    assert raw > 10.0, "what the legs themselves need is much"
+
+
+def test_only_feet_that_are_scheduled_to_stand_are_taken_for_resting():
+    """The two in the air are loaded late in their swing and move: the velocity does not follow them."""
+    rig, calm = Rig(), Rig()
+    for one in (rig, calm):
+        one.gait.walking, one.gait.stance, one.gait.foot_phase = True, [True, False, False, True], 0.7
+        support(one, np.full(4, 60.0))
+    rig.joints.velocity = np.repeat([False, True, True, False], 3) * 1.0
+    for _ in range(50):
+        rig.step()
+        calm.step()
+    assert rig.body.contact.all()
+    np.testing.assert_allclose(rig.body.linear_velocity, calm.body.linear_velocity, atol=1e-9)
+
+
+@pytest.mark.parametrize(("slip", "widened"), [(0.03, 1.0), (0.059, 1.0), (0.12, 2.0), (0.6, 10.0)])
+def test_a_foot_that_seems_to_slip_is_trusted_less(slip, widened):
+    memory = kalman.KalmanMemory("/memory")
+    kalman.start(memory, np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
+    memory.velocity = (slip, 0.0, 0.0)
+    legs = LEGS.forward(ROBOT.standing_angles(0.29), np.zeros(12))
+    measured = kalman.contact_measurement(
+        memory, np.eye(3), np.zeros(3), legs, np.arange(4), np.full(4, 0.03), np.array([0.0, 0.0, 1.0]), RADIUS
+    )
+    np.testing.assert_allclose(np.sqrt(measured.variance), 0.03 * widened, rtol=1e-9)
 
 
 def test_the_covariance_stays_symmetric_and_positive():

@@ -86,6 +86,28 @@ def run(executor, milliseconds):
     return executor.run(10**12, lambda now_ns: now_ns >= milliseconds * MS)
 
 
+def never(now_ns):
+    return False
+
+
+@pytest.mark.parametrize("until_ns", [0, 1, 10 * MS - 1, 10 * MS, 10 * MS + 1, 11 * MS])
+def test_every_step_released_before_the_end_is_taken_and_none_at_it(until_ns):
+    executor, journal, outside = build()
+    assert executor.run(until_ns, never) == until_ns == outside.now_ns
+    expected = [(t, "a") for t in range(0, until_ns, 2 * MS)] + [(t, "b") for t in range(0, until_ns, 10 * MS)]
+    assert [row[:2] for row in journal] == sorted(expected)
+
+
+def test_a_run_in_pieces_is_the_run_in_one():
+    whole, _, expected = build()
+    whole.run(60 * MS, never)
+    pieces, _, outside = build()
+    for until_ns in (1, 10 * MS, 10 * MS, 13 * MS, 40 * MS, 60 * MS):
+        pieces.run(until_ns, never)
+    assert rows(pieces, outside) == rows(whole, expected)
+    assert list(outside) == list(expected)
+
+
 @given(
     st.integers(1, 5),
     st.integers(0, 12),

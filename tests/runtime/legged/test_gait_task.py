@@ -140,3 +140,52 @@ def test_footholds_are_on_the_stance_plane(bench):
     for foot in (1, 2):
         point = robot.gait.foothold[3 * foot : 3 * foot + 3] - normal * robot.robot.foot_radius_m
         assert abs(float((point - center) @ normal)) < 1e-9
+
+
+def test_a_standing_foot_without_load_searches_for_the_ground_again_and_is_counted(bench):
+    walk = Walk(bench())
+    walk.run(20)
+    first = [True, False, False, True]
+    assert walk.robot.gait.contact.tolist() == first
+    # the last step that fed contact was seen at the begin of the next one
+    walk.step(contact=[False, False, False, True])
+    for _ in range(10):
+        walk.step(contact=[False, False, False, True])
+        assert walk.robot.gait.contact.tolist() == first, "20 ms are borne"
+    walk.step(contact=[False, False, False, True])
+    assert walk.robot.gait.contact.tolist() == [False, False, False, True]
+    assert walk.robot.gait.lost_contacts == walk.task.state.lost_contacts == 1
+    late, heights = walk.robot.gait.late_contacts, []
+    for _ in range(10):
+        walk.step(contact=[False, False, False, True])
+        heights.append(walk.robot.gait.swing_position[2])
+    assert np.diff(heights).max() < 0.0
+    assert walk.robot.gait.lost_contacts == 1, "a foot is lost once"
+    walk.step(contact=first)
+    walk.step(contact=first)
+    assert walk.robot.gait.contact.tolist() == first
+    assert walk.robot.gait.late_contacts == late + 1
+
+
+def test_load_that_returns_within_the_bound_is_no_loss(bench):
+    walk = Walk(bench())
+    walk.run(20)
+    for _ in range(8):
+        for _ in range(9):
+            walk.step(contact=[False, False, False, True])
+        walk.step(contact=[True, False, False, True])
+    assert walk.robot.gait.lost_contacts == 0
+
+
+def test_a_robot_that_only_stands_loses_no_contact(bench):
+    walk = Walk(bench())
+    walk.robot.command.velocity = (0.0, 0.0)
+    walk.run(200, contact=False)
+    assert walk.robot.gait.contact.all()
+    assert walk.robot.gait.lost_contacts == 0
+    # nor at once when it begins to walk with load on its feet again
+    walk.step(contact=True)
+    walk.robot.command.velocity = (0.6, 0.0)
+    walk.step()
+    assert walk.robot.gait.walking
+    assert walk.robot.gait.lost_contacts == 0

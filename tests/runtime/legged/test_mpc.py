@@ -114,10 +114,6 @@ def test_swing_feet_are_not_variables(seed):
     assert not plan.force[~horizon.stance].any()
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="proxqp takes 4 of 10 such horizons for infeasible: its thresholds do not fit the objective's scale",
-)
 @settings(max_examples=15)
 @given(SEEDS)
 def test_both_solvers_give_the_same_plan(seed):

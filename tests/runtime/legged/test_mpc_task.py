@@ -105,7 +105,6 @@ def test_the_references_of_a_held_plan_are_those_of_its_stamp(bench):
     np.testing.assert_array_equal(robot.forces.reference_position, held)
 
 
-@pytest.mark.xfail(strict=True, reason="MpcMemory.reference_xy and reference_yaw keep the NaN for ever")
 @pytest.mark.parametrize("field", ["position", "linear_velocity", "orientation"])
 def test_a_state_that_is_not_finite_is_a_failure_and_passes_with_it(bench, field):
     robot = bench()

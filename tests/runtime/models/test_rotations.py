@@ -80,7 +80,6 @@ def test_axes_of_a_plane_are_a_rotation_onto_its_normal(yaw, slope, direction):
     np.testing.assert_allclose(axes[:, 2], normal, atol=1e-12)
 
 
-@pytest.mark.xfail(strict=True, reason="the x axis is the heading projected along the normal, not seen from above")
 @given(st.floats(-3.1, 3.1), st.floats(0.0, 0.6), st.floats(-3.1, 3.1))
 def test_x_axis_in_a_plane_has_the_given_heading_seen_from_above(yaw, slope, direction):
     axes = r.aligned_with_plane(yaw, normal_of(slope, direction))

@@ -49,7 +49,7 @@ class Walk(Task):
         self.path.count, self.path.x = 2, (0.0, 3.0, 0, 0, 0, 0, 0, 0)
         self.body.stamp_ns = now_ns
         self.command.look_ahead, self.command.k_v = 1.2, 4.0
-        self.joints.rejected, self.safety.limited = int(t > 1.0), round(200 * t)
+        self.joints.rejected, self.safety.limited = int(t > 1.0), 7 * int(t > 0.5)
         self.joints.effort = np.sin(30 * t + np.arange(3))
         self.safety.mode = signals.Mode.ACTIVE if t < 1.5 else signals.Mode.DAMPED
         self.safety.fault = 0 if t < 1.5 else signals.Fault.TILT
@@ -123,11 +123,11 @@ def test_the_report_has_the_figures_of_the_paper(walked):
 
 def test_what_is_counted_is_said_the_most_frequent_first(walked):
     counted = counters(load_run(walked))
-    assert counted[0] == (400, "joint values of commands were altered by a limit")
+    assert counted[0] == (7, "joint values of commands were altered by a limit")
     assert counted[1] == (1, "CAN frame was rejected: wrong length, unknown id, error frame, or a value out of range")
     assert (0, "paths were rejected") in counted
     text = write_report(walked).read_text()
-    assert '<tr class="some"><td>400</td>' in text
+    assert '<tr class="some"><td>7</td>' in text
     assert '<tr class="none"><td>no</td><td>paths were rejected</td>' in text
 
 

@@ -103,34 +103,49 @@ def test_any_command_comes_out_finite_and_within_limits_or_as_damping(position, 
     for name in ("position", "velocity", "effort", "stiffness", "damping"):
         assert np.isfinite(getattr(out, name)).all()
     assert (np.abs(out.effort) <= CONFIG.effort_max_nm).all()
+    assert (np.abs(out.velocity) <= CONFIG.velocity_max_radps).all()
+    assert ((out.stiffness >= 0.0) & (out.stiffness <= CONFIG.stiffness_max_nm_prad)).all()
+    assert ((out.damping >= 0.0) & (out.damping <= CONFIG.damping_max_nms_prad)).all()
     if rig.damping:
         assert rig.status.mode == Mode.DAMPED
     else:
         assert (out.position >= rig.low).all()
         assert (out.position <= rig.high).all()
-        altered = (out.position != position) | (out.effort != effort)
+        passed = (out.position, out.velocity, out.effort, out.stiffness, out.damping)
+        altered = np.not_equal(passed, (position, velocity, effort, *gains))
         assert rig.status.limited == np.count_nonzero(altered)
     if not all(np.isfinite(part).all() for part in (position, velocity, effort, gains)):
         assert rig.damping
         assert rig.status.fault & Fault.NON_FINITE_COMMAND
 
 
-@pytest.mark.xfail(strict=True, reason="SafetyTask passes any finite velocity on")
-def test_commanded_velocity_is_limited():
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_commanded_velocity_is_limited(sign):
     """The issue asks for it: torque, velocity, position and rate limits."""
-    rig = Rig()
-    rig.command.velocity = 1e6
+    rig = Rig(config=SafetyConfig(velocity_max_radps=12.0))
+    rig.command.velocity = sign * 1e6
     rig.step()
-    assert rig.damping or (np.abs(rig.output.velocity) <= CONFIG.velocity_max_radps).all()
+    np.testing.assert_array_equal(rig.output.velocity, sign * 12.0)
+    assert rig.status.mode == Mode.ACTIVE
+    assert rig.status.limited == 12
 
 
-@pytest.mark.xfail(strict=True, reason="SafetyTask passes any finite gains on")
-def test_gains_are_never_negative():
-    rig = Rig()
-    rig.command.stiffness, rig.command.damping = -30.0, -1.0
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "expected", "limited"),
+    [
+        (-30.0, -1.0, (0.0, 0.0), 24),
+        (1e6, 1e6, (80.0, 2.0), 24),
+        (80.0, 2.0, (80.0, 2.0), 0),
+        (81.0, 1.0, (80.0, 1.0), 12),
+    ],
+)
+def test_gains_are_never_negative_nor_beyond_their_limits(stiffness, damping, expected, limited):
+    rig = Rig(config=SafetyConfig(stiffness_max_nm_prad=80.0, damping_max_nms_prad=2.0))
+    rig.command.stiffness, rig.command.damping = stiffness, damping
     rig.step()
-    assert (rig.output.stiffness >= 0.0).all()
-    assert (rig.output.damping >= 0.0).all()
+    np.testing.assert_array_equal(rig.output.stiffness, expected[0])
+    np.testing.assert_array_equal(rig.output.damping, expected[1])
+    assert rig.status.limited == limited
 
 
 def test_torque_changes_no_faster_than_its_rate():

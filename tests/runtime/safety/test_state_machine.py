@@ -46,6 +46,12 @@ def test_a_fault_under_power_damps_at_once():
             assert after == Mode.DAMPED
 
 
+def test_a_fault_in_standby_is_latched_too():
+    for mode, healthy, *_, after in TABLE:
+        if mode == Mode.STANDBY and not healthy:
+            assert after == Mode.DAMPED
+
+
 def test_nothing_unhealthy_is_or_becomes_powered():
     for _, healthy, *_, after in TABLE:
         assert healthy or after not in POWERED
