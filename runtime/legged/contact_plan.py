@@ -46,7 +46,8 @@ def contact_points(
         if landing < steps:
             state = reference[landing]
             below = state[3:6] + 0.5 * stance_s * state[9:] + rotation_z(state[2]) @ (shoulder[foot] * (1.0, 1.0, 0.0))
-            points[landing:, foot] = below - float(normal @ (below - center)) * normal
+            below[2] = center[2] - normal[:2] @ (below[:2] - center[:2]) / normal[2]
+            points[landing:, foot] = below
     return points
 
 

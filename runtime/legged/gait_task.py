@@ -37,6 +37,7 @@ class GaitMemory(Record):
     lift_off = float64_array("foot_xyz", "m", "where each foot left the ground")
     foothold = float64_array("foot_xyz", "m")
     loaded_ns = int64_array("foot", "ns", "when each foot last carried load")
+    search_ns = int64_array("foot", "ns", "when each foot began to search for late or lost ground")
     late_contacts = uint32()
     lost_contacts = uint32()
     early_contacts = uint32()
@@ -89,7 +90,7 @@ class GaitTask(Task):
         contact = [
             down and (stands or late > 0.5) for down, stands, late in zip(touched, stance, progress, strict=True)
         ]
-        self._move_feet(contact, stance, progress)
+        self._move_feet(now_ns, contact, stance, progress)
         output.stamp_ns = now_ns
         output.balancing = balancing
         output.walking = memory.walking
@@ -129,11 +130,14 @@ class GaitTask(Task):
             if not stance[foot] and stood[foot]:
                 touched[foot] = False
                 lift_off[foot] = feet[foot]
+            elif stance[foot] and not stood[foot]:
+                memory.search_ns[foot] = now_ns
             if loaded[foot]:
                 memory.loaded_ns[foot] = now_ns
             unloaded_ns = now_ns - memory.loaded_ns[foot]
             if memory.walking and touched[foot] and stance[foot] and unloaded_ns > LOST_AFTER_NS:
                 touched[foot] = False
+                memory.search_ns[foot] = now_ns
                 memory.lost_contacts += 1
             elif loaded[foot] and not touched[foot] and (stance[foot] or progress[foot] > EARLIEST_TOUCHDOWN):
                 touched[foot] = True
@@ -180,17 +184,17 @@ class GaitTask(Task):
             body.height,
         )
 
-    def _move_feet(self, contact: list[bool], stance: list[bool], progress: list[float]) -> None:
+    def _move_feet(self, now_ns: int, contact: list[bool], stance: list[bool], progress: list[float]) -> None:
         """References of the feet in the air; a standing foot's is where it stands."""
         memory, output = self.state, self._output
         position, lift_off = memory.foothold.tolist(), memory.lift_off.tolist()
         normal = self._body.plane_normal.tolist()
         velocity, acceleration = [0.0] * 12, [0.0] * 12
-        swing_s = self._gait.swing_s
+        swing_s, search_ns = self._gait.swing_s, memory.search_ns.tolist()
         for foot in range(4):
             if contact[foot]:
                 continue
-            s = 1.0 + progress[foot] * self._gait.stance_s / swing_s if stance[foot] else progress[foot]
+            s = 1.0 + (now_ns - search_ns[foot]) * 1e-9 / swing_s if stance[foot] else progress[foot]
             xyz = slice(3 * foot, 3 * foot + 3)
             position[xyz], velocity[xyz], acceleration[xyz] = foot_reference(
                 self._swing, lift_off[xyz], position[xyz], normal, s, swing_s

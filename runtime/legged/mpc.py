@@ -11,13 +11,13 @@ variables. Forces are expressed in the stance plane's axes, where the friction p
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Annotated, NamedTuple
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from runtime.legged.friction import friction_pyramids
 from runtime.models.rigid_body import GRAVITY
 from runtime.models.rotations import rotation_z
 from runtime.models.vectors import skews
@@ -141,7 +141,7 @@ class TrunkMpc:
         hessian = weighted.T @ weighted
         hessian.flat[:: hessian.shape[0] + 1] += config.force_weight
         feet = slots[0].shape[0]
-        constraints, lower, upper = _friction_pyramids(
+        constraints, lower, upper = friction_pyramids(
             feet, config.friction / np.sqrt(2.0), config.force_min_n, config.force_max_n
         )
         return CondensedProblem(hessian, error @ weighted, constraints, lower, upper, slots)
@@ -188,13 +188,3 @@ def _prediction(horizon: Horizon) -> tuple[Array, Array, tuple[npt.NDArray[np.in
     response[:, 6:9] = (mask * angular).transpose(0, 2, 1, 3)
     response[:, 9:12] = (mask * linear).transpose(0, 2, 1, 3)
     return free, response.reshape(12 * steps, -1), slots
-
-
-@cache
-def _friction_pyramids(feet: int, friction: float, force_min: float, force_max: float) -> tuple[Array, Array, Array]:
-    """Rows |f_t| <= mu f_n and bounds f_min <= f_n <= f_max for (tangent, tangent, normal) of each foot (eq 31)."""
-    rows = np.array([[1.0, 0.0, -friction], [-1.0, 0.0, -friction], [0.0, 1.0, -friction], [0.0, -1.0, -friction]])
-    tangent = friction * force_max
-    lower = np.concatenate((np.tile([-tangent, -tangent, force_min], feet), np.full(4 * feet, -1e9)))
-    upper = np.concatenate((np.tile([tangent, tangent, force_max], feet), np.zeros(4 * feet)))
-    return np.kron(np.eye(feet), rows), lower, upper

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import lapack
 
+from runtime.legged.friction import friction_pyramids
 from runtime.optimization.qp import QpSolver
 
 Array = npt.NDArray[np.float64]
@@ -82,7 +83,7 @@ def relax(
     hessian = weighted.T @ change
     hessian.flat[:: hessian.shape[0] + 1] += config.force_weight
     gradient = -(weighted.T @ demand) - config.force_weight * planned_axes
-    constraints, lower, upper = _pyramids(feet, config.friction / np.sqrt(2.0), config.force_max_n)
+    constraints, lower, upper = friction_pyramids(feet, config.friction / np.sqrt(2.0), 0.0, config.force_max_n)
     solution = solver.solve(hessian, gradient, constraints, lower, upper)
     chosen = solution.x if solution.solved else planned_axes
     delta_b = change @ chosen - demand
@@ -92,12 +93,3 @@ def relax(
 @cache
 def _weights(linear: float, angular: float) -> Array:
     return np.repeat((linear, angular), 3)[:, None]
-
-
-@cache
-def _pyramids(feet: int, friction: float, force_max: float) -> tuple[Array, Array, Array]:
-    rows = np.array([[1.0, 0.0, -friction], [-1.0, 0.0, -friction], [0.0, 1.0, -friction], [0.0, -1.0, -friction]])
-    side = friction * force_max
-    lower = np.concatenate((np.tile([-side, -side, 0.0], feet), np.full(4 * feet, -1e9)))
-    upper = np.concatenate((np.tile([side, side, force_max], feet), np.zeros(4 * feet)))
-    return np.kron(np.eye(feet), rows), lower, upper

@@ -82,8 +82,8 @@ def rotation_vector(rotation: Array) -> Array:
 
 
 def wrapped(angle: float) -> float:
-    """The same angle in [-pi, pi)."""
-    return (angle + math.pi) % (2 * math.pi) - math.pi
+    """The same angle in [-pi, pi]."""
+    return math.remainder(angle, math.tau)
 
 
 def aligned_with_plane(yaw: float, normal: Array) -> Array:

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy.typing as npt
 
-from runtime.tracking.waypoints import check_waypoints, wrapped
+from runtime.models.rotations import wrapped
+from runtime.tracking.waypoints import check_waypoints
 
 CORNER_WIDTH_M = 0.1
 """Heading changes at a vertex are spread over at most this length of path."""

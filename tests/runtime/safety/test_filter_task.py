@@ -256,14 +256,36 @@ def test_out_of_damped_by_reset_and_then_a_separate_arm():
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_a_sensor_value_that_is_not_finite_is_a_warning_only(which, value):
     rig = Rig()
+    rig.step()
     getattr(rig.imu, which)[1] = value
     rig.step()
     assert (rig.status.mode, Fault(rig.status.warning), rig.status.fault) == (Mode.ACTIVE, Fault.NON_FINITE_SENSOR, 0)
     assert not rig.damping
 
 
+def test_inertial_samples_that_stay_bad_are_as_good_as_none():
+    rig = Rig()
+    rig.step()
+    rig.imu.angular_velocity[1] = np.nan
+    for _ in range(CONFIG.imu_age_max_ns // (2 * MS)):
+        rig.step()
+        assert (rig.status.mode, Fault(rig.status.warning)) == (Mode.ACTIVE, Fault.NON_FINITE_SENSOR)
+    rig.step()
+    assert rig.damping
+    assert Fault(rig.status.fault) == Fault.NON_FINITE_SENSOR | Fault.STALE_IMU
+
+
+def test_a_good_inertial_sample_in_between_is_enough():
+    rig = Rig()
+    for tick in range(50):
+        rig.imu.angular_velocity[1] = 0.0 if tick % 9 == 0 else np.nan
+        rig.step()
+        assert rig.status.mode == Mode.ACTIVE
+
+
 def test_opposite_infinities_do_not_cancel():
     rig = Rig()
+    rig.step()
     rig.imu.linear_acceleration = (np.inf, -np.inf, 0.0)
     rig.step()
     assert rig.status.warning == Fault.NON_FINITE_SENSOR
