@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from typing import Annotated
 
 import msgspec
@@ -59,9 +60,8 @@ _TURNING[:, 3:6] = _MOVING[:, :3] = np.eye(3)
 
 def planned_force(forces: ContactForces, now_ns: int) -> Array:
     """The plan's forces (4, 3) at a time."""
-    knots = forces.knot_ns
-    step = int(np.searchsorted(knots, now_ns, side="right")) - 1
-    step = min(max(step, 0), knots.shape[0] - 2)
+    knots = forces.knot_ns.tolist()
+    step = min(max(bisect_right(knots, now_ns) - 1, 0), len(knots) - 2)
     return forces.force.reshape(-1, 4, 3)[step]
 
 
@@ -105,7 +105,7 @@ class WholeBodyLaw:
         plane = aligned_with_plane(yaw, body.plane_normal)
         contact = gait.contact
         # a round foot rolls: what rests is the point below its centre
-        levers = np.outer(contact, -self._foot_radius * plane[:, 2])
+        levers = contact[:, None] * (-self._foot_radius * plane[:, 2])
         points = model.foot_position + levers
         jacobians = model.point_jacobians(points)
         planned = planned_force(self._forces, now_ns) * contact[:, None]

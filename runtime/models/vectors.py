@@ -8,6 +8,10 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
+_SKEW = np.zeros((3, 9))
+_SKEW[0, 7] = _SKEW[1, 2] = _SKEW[2, 3] = 1.0
+_SKEW[0, 5] = _SKEW[1, 6] = _SKEW[2, 1] = -1.0
+
 
 def cross(a: Array, b: Array) -> Array:
     """Cross product of two vectors (3,)."""
@@ -24,12 +28,7 @@ def skew(vector: Array) -> Array:
 
 def skews(vectors: Array) -> Array:
     """The same for vectors (n, 3), (n, 3, 3)."""
-    matrices = np.zeros((vectors.shape[0], 3, 3))
-    x, y, z = vectors.T
-    matrices[:, 0, 1], matrices[:, 0, 2] = -z, y
-    matrices[:, 1, 0], matrices[:, 1, 2] = z, -x
-    matrices[:, 2, 0], matrices[:, 2, 1] = -y, x
-    return matrices
+    return (vectors @ _SKEW).reshape(-1, 3, 3)
 
 
 def total_moment(arms: Array, forces: Array) -> Array:

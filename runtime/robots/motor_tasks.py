@@ -46,8 +46,8 @@ class DecodeTask(Task):
         frames, output = self._frames, self._output
         if frames.count and frames.stamp_ns == now_ns:
             self._group.decode(as_frames(frames.data), frames.bus, frames.arrival_ns, frames.count, self._readings)
-        output.stamp_ns = int(output.reply_ns.max())
-        output.rejected = int(self.state.counters[REJECTED].sum())
+        output.stamp_ns = max(output.reply_ns.tolist())
+        output.rejected = sum(self.state.counters[REJECTED].tolist())
 
 
 class EncodeTask(Task):

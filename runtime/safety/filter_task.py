@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from operator import ne
+
 import numpy as np
 
 from runtime.records import Record, float64_array, int64, uint8, uint32
@@ -29,6 +31,7 @@ from runtime.tasks import Task
 WARNINGS = Fault.NON_FINITE_SENSOR | Fault.STALE_LOCALIZATION
 """Conditions that are reported but do not damp: the estimator bridges them."""
 POWERED = (Mode.STANDING, Mode.ACTIVE)
+LIMITED = ("position", "velocity", "effort", "stiffness", "damping")
 
 
 class SafetyMemory(Record):
@@ -136,11 +139,14 @@ class SafetyTask(Task):
         step = self._effort_step
         effort = np.minimum(np.maximum(effort, memory.effort - step), memory.effort + step)
         output.position, output.effort, memory.effort = position, effort, effort
-        output.velocity = np.clip(command.velocity, -config.velocity_max_radps, config.velocity_max_radps)
-        output.stiffness = np.clip(command.stiffness, 0.0, config.stiffness_max_nm_prad)
-        output.damping = np.clip(command.damping, 0.0, config.damping_max_nms_prad)
-        for name in ("position", "velocity", "effort", "stiffness", "damping"):
-            memory.limited += int(np.count_nonzero(getattr(output, name) != getattr(command, name)))
+        fastest = config.velocity_max_radps
+        output.velocity = np.minimum(np.maximum(command.velocity, -fastest), fastest)
+        output.stiffness = np.minimum(np.maximum(command.stiffness, 0.0), config.stiffness_max_nm_prad)
+        output.damping = np.minimum(np.maximum(command.damping, 0.0), config.damping_max_nms_prad)
+        for name in LIMITED:
+            given, wanted = getattr(output, name).tolist(), getattr(command, name).tolist()
+            if given != wanted:
+                memory.limited += sum(map(ne, given, wanted))
 
     def _damp(self) -> None:
         """No stiffness, no torque, velocity damping."""
