@@ -7,7 +7,7 @@ import io
 import math
 import subprocess
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -25,24 +25,17 @@ from runtime.recording.metrics import path_metrics, push_recovery
 from runtime.recording.recorder import RecorderProcess
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup
 from runtime.robots import load_configuration, topics
-from runtime.robots.robot import Robot
 from runtime.robots.uslgo1.assembly import PATH_CAPACITY, assemble
 from runtime.robots.uslgo1.config import Uslgo1Config
-from runtime.signals import BodyCommand, Fault, Gait, Mode, SafetyStatus
 from runtime.tracking.path_csv import read_path_csv
 from runtime.tracking.paths import Polyline
-from sim_bridge.courses import TIME_FACTOR, Push, Scenario, custom
+from sim_bridge.courses import Push, Scenario, custom
 from sim_bridge.courses import scenario as scenario_named
+from sim_bridge.observer import Observer, Progress
 from sim_bridge.quadruped_world import QuadrupedWorld
-from sim_bridge.script import WALK_NS, ScriptedOperator, ScriptedPath
+from sim_bridge.script import ScriptedOperator, ScriptedPath
 from sim_bridge.terrain import HeightField
 
-Progress = Callable[[float, float], None]
-SAMPLE_NS = 10_000_000
-FALLEN_TILT_RAD = 1.0
-FALLEN_CLEARANCE_M = 0.1
-STOPPED_FOR_NS = 700_000_000
-SETTLE_AFTER_FAULT_NS = 500_000_000
 PUSH_DIRECTIONS, PUSH_PHASES = 8, 4
 
 
@@ -51,91 +44,6 @@ class NullSink:
 
     def write(self, datagram: bytes) -> None:
         """Forget it."""
-
-
-class Observer:
-    """Watches the true robot, gives the push, and says when the run is over.
-
-    Attributes:
-        samples: time (s), x, y (m) and yaw (rad) of the true trunk, from when it may walk.
-        fell, fault: whether it fell, and why it was damped.
-        push_end_s: when the push's force ended, None before there was one.
-        limit_ns: the run ends by then.
-    """
-
-    def __init__(
-        self,
-        world: QuadrupedWorld,
-        robot: Robot,
-        config: Uslgo1Config,
-        scenario: Scenario,
-        until_s: float,
-        progress: Progress | None,
-    ) -> None:
-        self._world, self._scenario, self._config, self._progress = world, scenario, config, progress
-        records = {record.topic: record for loop in robot.loops for record in loop.writes}
-        self._safety: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
-        self._gait: Gait = records[topics.GAIT]  # type: ignore[assignment]
-        self._command: BodyCommand = records[topics.BODY_COMMAND]  # type: ignore[assignment]
-        self.samples: list[tuple[float, float, float, float]] = []
-        self.fell, self.fault = False, Fault.NONE
-        self.push_end_s: float | None = None
-        self.limit_ns = WALK_NS + int((scenario.time_limit_s + 3.0) * 1e9)
-        expected_s = self.limit_ns * 1e-9 / TIME_FACTOR
-        if until_s < self.limit_ns * 1e-9:
-            self.limit_ns = int(until_s * 1e9)
-        self._expected_s = min(expected_s, until_s)
-        self._end_ns = self.limit_ns
-        self._pushed = scenario.push is None
-        self._stood = False
-        self._next_ns = 0
-
-    def over(self, now_ns: int) -> bool:
-        """Look at the robot; true when there is nothing more to see."""
-        if now_ns < self._next_ns:
-            return False
-        self._next_ns = now_ns + SAMPLE_NS
-        world = self._world
-        if now_ns >= WALK_NS or not self._scenario.waypoints:
-            self.samples.append((now_ns * 1e-9, *world.position[:2].tolist(), world.yaw))
-        if self._progress is not None and len(self.samples) % 25 == 1:
-            self._progress(now_ns * 1e-9, self._expected_s)
-        if not self.fell and (world.tilt > FALLEN_TILT_RAD or world.clearance < FALLEN_CLEARANCE_M):
-            self.fell = bool(self._scenario.waypoints) or world.tilt > FALLEN_TILT_RAD
-        mode = self._safety.mode
-        if mode == Mode.DAMPED and not self.fault:
-            self.fault = Fault(self._safety.fault)
-        if mode in (Mode.OFF, Mode.STANDBY) and self._scenario.waypoints and now_ns >= WALK_NS and not self.fault:
-            self.fault = Fault(self._safety.warning)
-        if self.fell or self.fault:
-            self._end_ns = min(self._end_ns, now_ns + SETTLE_AFTER_FAULT_NS)
-        if self._command.arrived and not self._gait.walking:
-            self._end_ns = min(self._end_ns, now_ns + STOPPED_FOR_NS)
-        if not self._scenario.waypoints:
-            self._stood |= mode == Mode.STANDING
-            if self._stood and mode == Mode.STANDBY:
-                self._end_ns = min(self._end_ns, now_ns + STOPPED_FOR_NS)
-        if not self._pushed:
-            self._push(now_ns)
-        return now_ns >= self._end_ns
-
-    def _push(self, now_ns: int) -> None:
-        """Schedule the push at the first wanted gait phase after its time."""
-        push, gait = self._scenario.push, self._gait
-        assert push is not None
-        begin_ns = WALK_NS + int(push.after_s * 1e9)
-        if now_ns < begin_ns or not gait.walking:
-            return
-        period = self._config.gait.period_ns
-        phase_ns = gait.cycle_start_ns + int(push.gait_phase * period)
-        at_ns = phase_ns + -(-(now_ns - phase_ns) // period) * period
-        self._world.push(at_ns, int(push.duration_s * 1e9), push.direction_rad, push.force_n)
-        self._pushed, self.push_end_s = True, at_ns * 1e-9 + push.duration_s
-
-    @property
-    def stood_and_sat(self) -> bool:
-        """For scenarios without a path: it stood up and sat down again, without a fault."""
-        return self._stood and self._safety.mode == Mode.STANDBY and not self.fell
 
 
 def chosen_scenario(name: str, config: Uslgo1Config, seed: int) -> Scenario:
