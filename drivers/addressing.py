@@ -10,12 +10,10 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
-from drivers.can_frame import CAN_ERR_FLAG, CAN_RTR_FLAG, FRAME_WORDS, Frames
+from drivers.can_frame import CAN_ERR_FLAG, CAN_RTR_FLAG, Frames
 from drivers.dialects import Dialect
 from drivers.errors import DriverConfigError
 from drivers.joints import Joint
-
-_CACHE_SIZE = 64
 
 
 class Rejection(IntEnum):
@@ -54,7 +52,7 @@ class Identified:
 class AddressBook:
     """Tells frames apart by bus, identifier, length and, where the dialect has it, the id within the data.
 
-    The answer depends on nothing but those bytes, so it is kept for the patterns that come again every period.
+    The answer depends on nothing but those bytes; `drivers.patterns.Recognizer` remembers it.
 
     Args:
         drives: number of drives.
@@ -65,20 +63,9 @@ class AddressBook:
 
     def __init__(self, drives: int, length: int, entries: Mapping[tuple[int, int, int], int], id_mask: int) -> None:
         self._drives, self._length, self._entries, self._id_mask = drives, length, dict(entries), id_mask
-        self._known: dict[tuple[bytes, bytes, bytes], Identified] = {}
 
     def identify(self, frames: Frames, bus: npt.NDArray[np.uint8]) -> Identified:
         """Sort a batch of frames (m,) that came from the buses (m,)."""
-        first = frames["data"][:, 0].tobytes() if self._id_mask else b""
-        pattern = (frames.view(FRAME_WORDS)["head"].tobytes(), bus.tobytes(), first)
-        found = self._known.get(pattern)
-        if found is None:
-            if len(self._known) >= _CACHE_SIZE:
-                self._known.clear()
-            found = self._known[pattern] = self._sort(frames, bus)
-        return found
-
-    def _sort(self, frames: Frames, bus: npt.NDArray[np.uint8]) -> Identified:
         rejections = np.zeros(len(Rejection), np.uint32)
         accepted: list[tuple[int, int]] = []
         columns = (frames["can_id"], frames["length"], bus, frames["data"][:, 0])

@@ -15,7 +15,6 @@ from runtime.records import Record, int64, uint32, uint32_array
 from runtime.tasks import Loop
 
 ENTRY = struct.Struct("<HH")
-STATE_TOPIC_PREFIX = "/ugv/state/"
 TICK_TOPIC_PREFIX = "/ugv/tick/"
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from runtime.legged.posture import PostureConfig, blend
 from runtime.models.quadruped import Quadruped
-from runtime.records import Record, boolean, float64, float64_array, int64, uint8
+from runtime.records import Record, float64, float64_array, int64, uint8
 from runtime.signals import JointState, Mode, Motion, OperatorRequest, Posture, SafetyStatus, Stance
 from runtime.tasks import Task
 
@@ -21,7 +21,6 @@ class PostureMemory(Record):
     """What the posture must remember."""
 
     stance = uint8()
-    known = boolean("the motion's begin is known")
     begin = float64_array("joint", "rad")
     begin_ns = int64("ns")
     duration_s = float64("s")

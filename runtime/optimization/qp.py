@@ -59,9 +59,8 @@ class QpSolver(Protocol):
         constraints: Array,
         lower: Array,
         upper: Array,
-        guess: Array | None = None,
     ) -> QpSolution:
-        """Solve from scratch; `guess` is an optional first iterate."""
+        """Solve from scratch."""
 
 
 def relative_residual(
@@ -116,6 +115,15 @@ def interior_solution(
     return QpSolution(x, residual < RESIDUAL_TOLERANCE, residual, 0, 0.5 * float(gradient @ x))
 
 
+def settled_without_solver(
+    hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array
+) -> QpSolution | None:
+    """What needs no solver: the refusal of data that are not finite, or an interior solution."""
+    if not _is_finite(hessian, gradient):
+        return QpSolution(np.zeros_like(gradient), False, math.inf, 0, math.nan)
+    return interior_solution(hessian, gradient, constraints, lower, upper)
+
+
 class Daqp:
     """Dual active-set solver; does not hold the GIL and is reproducible to the bit."""
 
@@ -129,21 +137,17 @@ class Daqp:
         constraints: Array,
         lower: Array,
         upper: Array,
-        guess: Array | None = None,
     ) -> QpSolution:
         """Solve; see `QpSolver`."""
-        if not _is_finite(hessian, gradient):
-            return QpSolution(np.zeros_like(gradient), False, math.inf, 0, math.nan)
-        interior = interior_solution(hessian, gradient, constraints, lower, upper)
-        if interior is not None:
-            return interior
+        settled = settled_without_solver(hessian, gradient, constraints, lower, upper)
+        if settled is not None:
+            return settled
         x, cost, flag, info = daqp.solve(
             hessian,
             gradient,
             constraints,
             upper,
             lower,
-            primal_start=guess,
             iter_limit=self._iteration_limit,
         )
         if flag <= 0:
@@ -181,15 +185,12 @@ class Proxqp:
         constraints: Array,
         lower: Array,
         upper: Array,
-        guess: Array | None = None,
     ) -> QpSolution:
         """Solve; see `QpSolver`."""
         variables = gradient.shape[0]
-        if not _is_finite(hessian, gradient):
-            return QpSolution(np.zeros(variables), False, math.inf, 0, math.nan)
-        interior = interior_solution(hessian, gradient, constraints, lower, upper)
-        if interior is not None:
-            return interior
+        settled = settled_without_solver(hessian, gradient, constraints, lower, upper)
+        if settled is not None:
+            return settled
         rows = np.vstack((np.eye(variables), constraints))
         scale = GRADIENT_SCALE / max(float(np.abs(gradient).max()), _TINY)
         dense = self._module.proxqp.dense
@@ -201,7 +202,6 @@ class Proxqp:
             rows,
             lower,
             upper,
-            x=guess,
             eps_abs=self._accuracy,
             max_iter=self._iteration_limit,
         )

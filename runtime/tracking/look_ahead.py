@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple, Protocol
+from typing import Annotated, NamedTuple
 
 import msgspec
 from msgspec import Meta
@@ -27,14 +27,6 @@ class LookAhead(NamedTuple):
     distance: float
     k_v: float = 0.0
     k_w: float = 0.0
-
-
-class LookAheadPolicy(Protocol):
-    """Chooses the look-ahead distance."""
-
-    def __call__(self, lateral_error: float, error_rate: float, speed: float) -> LookAhead:
-        """Choose from the lateral error (m), the rate of its magnitude (m/s) and the speed (m/s)."""
-        ...
 
 
 class FixedLookAhead(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="fixed"):
