@@ -8,7 +8,7 @@ with the same fields, so control memory, log message and replay input are the sa
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -67,6 +67,7 @@ class Field:
 
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
 
     class ArrayField(Generic[Element]):
         """How an array field looks to a type checker: reading gives a view, anything array-like can be assigned."""
@@ -139,6 +140,7 @@ class Record:
         topic: as given.
         dtype: aligned little-endian numpy record type.
         cdr_size: bytes up to the end of the last field, which is the length of the CDR body.
+        table: the same memory as a structured array (1,), the form in which compiled kernels take a record.
         on_change: class attribute; true for records that are logged only when their bytes changed.
     """
 
@@ -170,6 +172,7 @@ class Record:
         self._places: dict[str, tuple[Any, int | slice]] = {}
         self._buffer = bytearray(self.dtype.itemsize)
         self._body = memoryview(self._buffer)[: self.cdr_size]
+        self.table: Sequence[Self] = self._table()
         for f, offset, end in zip(self.fields, offsets, ends, strict=True):
             window = memoryview(self._buffer)[offset:end]
             if f.length is None:
@@ -186,6 +189,14 @@ class Record:
         else:
             view, where = place
             view[where] = value
+
+    def _table(self) -> Any:
+        """Flags in arrays become bytes, since compiled code knows no arrays of flags within records."""
+        parts = [
+            (f.name, f.kind.numpy if f.length is None or f.kind is not _BOOL else "u1", self.dtype[f.name].shape)
+            for f in self.fields
+        ]
+        return np.frombuffer(self._buffer, np.dtype(parts, align=True))
 
     def to_bytes(self) -> bytes:
         """The CDR body: every field, without trailing padding."""

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from drivers.errors import DriverConfigError
 from drivers.joints import Joint, column
+from runtime.compiled import compiled
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -63,31 +64,19 @@ def parameter(models: Sequence[DriveModel], name: str) -> FloatArray:
     return np.array([getattr(model, name) for model in models], np.float64)
 
 
-class TorqueSpeedCurve:
-    """Limits the torque of n motors; against the motion the full peak torque is available."""
+@compiled
+def available_torque(torque: float, velocity: float, peak: float, slope: float) -> float:
+    """A torque within the torque-speed curve; against the motion the full peak torque is available.
 
-    def __init__(self, models: Sequence[DriveModel]) -> None:
-        peak = parameter(models, "peak_torque")
-        self._slope = peak / parameter(models, "no_load_speed")
-        self._stall, self._highest = np.stack([peak, -peak]), np.stack([peak, 0 * peak])
-        self._lowest = np.stack([0 * peak, -peak])
-        self._lost, self._bound = np.empty(len(models)), np.empty((2, len(models)))
-        self._upper, self._lower = self._bound
-        self._least_peak, self._steepest = float(peak.min()), float(self._slope.max())
-
-    def limit(self, torque: FloatArray, velocity: FloatArray) -> None:
-        """Limit torques (n,) N.m in place, at joint velocities (n,) rad/s."""
-        torques, speeds = torque.tolist(), velocity.tolist()
-        fastest = max(max(speeds), -min(speeds))
-        if max(max(torques), -min(torques)) <= self._least_peak - self._steepest * fastest:
-            return
-        bound = self._bound
-        np.multiply(velocity, self._slope, out=self._lost)
-        np.subtract(self._stall, self._lost, out=bound)
-        np.minimum(bound, self._highest, out=bound)
-        np.maximum(bound, self._lowest, out=bound)
-        np.minimum(torque, self._upper, out=torque)
-        np.maximum(torque, self._lower, out=torque)
+    Args:
+        torque: wanted, N.m.
+        velocity: rad/s, at the joint like the torque.
+        peak: N.m, standing still.
+        slope: N.m lost for each rad/s in the sense of motion.
+    """
+    upper = min(peak, max(0.0, peak - slope * velocity))
+    lower = max(-peak, min(0.0, -peak - slope * velocity))
+    return min(max(torque, lower), upper)
 
 
 class Windings:
@@ -147,13 +136,12 @@ class Encoders:
         self.write_to(np.zeros((2, len(joints))))
         first, last = np.array([joint.ranges.position for joint in joints]).T / self.radians_per_count
         continuous = column(joints, "continuous", np.bool_)
-        self._wraps = bool(continuous.any())
         self._middle, self._turn = 0.5 * (first + last), last - first
         self._wrapping_turn = np.where(continuous, self._turn, 0.0)
 
     def write_to(self, measured: FloatArray) -> None:
         """Put measurements into this array from now on: (2, n), counts and rad/s of the drives."""
-        self._measured, (self._counts, self._speed) = measured, measured
+        self._measured = measured
 
     def measure(self, position: FloatArray, velocity: FloatArray) -> None:
         """Measure joint positions (n,) rad and velocities (n,) rad/s."""
@@ -163,14 +151,37 @@ class Encoders:
             np.multiply(self._generator.standard_normal(shift.shape), self._noise, out=shift)
             row = 0
         self._row = row + 1
-        measured, counts, speed = self._measured, self._counts, self._speed
-        np.multiply(position, self._counts_per_radian, out=counts)
-        np.multiply(velocity, self.multiplier, out=speed)
-        np.add(measured, self._shift[row], out=measured)
-        np.rint(counts, out=counts)
-        if self._wraps:
-            counts -= np.rint((counts - self._middle) / self._turn) * self._wrapping_turn
+        _measure(
+            position,
+            velocity,
+            self._counts_per_radian,
+            self.multiplier,
+            self._shift[row],
+            self._middle,
+            self._turn,
+            self._wrapping_turn,
+            self._measured,
+        )
 
     def set_zero(self, drive: int, counts: float) -> None:
         """Move the zero of a drive to where it now measures `counts`."""
         self._shift[:, 0, drive] -= counts
+
+
+@compiled
+def _measure(
+    position: FloatArray,
+    velocity: FloatArray,
+    counts_per_radian: FloatArray,
+    multiplier: FloatArray,
+    shift: FloatArray,
+    middle: FloatArray,
+    turn: FloatArray,
+    wrapping_turn: FloatArray,
+    measured: FloatArray,
+) -> None:
+    for drive in range(position.shape[0]):
+        counts = np.rint(position[drive] * counts_per_radian[drive] + shift[0, drive])
+        counts -= np.rint((counts - middle[drive]) / turn[drive]) * wrapping_turn[drive]
+        measured[0, drive] = counts
+        measured[1, drive] = velocity[drive] * multiplier[drive] + shift[1, drive]

@@ -27,10 +27,11 @@ from drivers.faults import FaultKind, code_of
 from drivers.joints import Joint
 from drivers.mit import DISABLE, ENABLE, SET_ZERO, SPECIAL_PREFIX, FloatArray, MitCodec, Transform, Words
 from drivers.patterns import Recognizer, data_words
-from sim_bridge.drive_model import DriveModel, Encoders, TorqueSpeedCurve, Windings, parameter
+from runtime.compiled import compiled
+from sim_bridge.drive_model import DriveModel, Encoders, Windings, available_torque, parameter
 
-_VELOCITY, _EFFORT, _STIFFNESS, _DAMPING = 1, 2, 3, 4
-"""Rows of commands, after position."""
+_POSITION, _VELOCITY, _EFFORT, _STIFFNESS, _DAMPING = range(5)
+"""Rows of commands."""
 _NEVER_NS = int(np.iinfo(np.int64).max)
 
 Answer = tuple[Frames, npt.NDArray[np.uint8], npt.NDArray[np.int64]]
@@ -62,7 +63,8 @@ class VirtualDrives:
             raise DriverConfigError(f"{count} joints need as many drive models, not {len(models)}")
         self.joints, self.dialect = tuple(joints), dialect
         self._encoders, self._windings = Encoders(joints, models, seed), Windings(models)
-        self._curve = TorqueSpeedCurve(models)
+        self._peak = parameter(models, "peak_torque")
+        self._slope = self._peak / parameter(models, "no_load_speed")
         ranges = [joint.ranges for joint in joints]
         self._codec = MitCodec(dialect, ranges, transform=_inner_units(self._encoders))
         self._recognizer = Recognizer(command_addresses(dialect, joints), id_in_data=False)
@@ -95,13 +97,8 @@ class VirtualDrives:
         if now_ns > self._deadline_ns:
             self._check_timeouts(now_ns)
         self._encoders.measure(position, velocity)
-        error, tau = self._error, self.applied
-        np.subtract(self._wanted, self._measured, out=error)
-        np.multiply(error, self._gain, out=error)
-        np.add(self._elastic, self._viscous, out=tau)
-        np.add(tau, self._feed_forward, out=tau)
-        self._curve.limit(tau, velocity)
-        return tau
+        _torque(self._in_force, self._measured, velocity, self._peak, self._slope, self.applied)
+        return self.applied
 
     def _warm(self, now_ns: int) -> None:
         windings = self._windings
@@ -218,8 +215,7 @@ class VirtualDrives:
 
     def _put_in_force(self, commands: FloatArray) -> None:
         """Let `torque` look at these commands (5, n)."""
-        self._wanted, self._feed_forward = commands[:_EFFORT], commands[_EFFORT]
-        self._gain = commands[_STIFFNESS:]
+        self._in_force = commands
 
     # -- faults for tests -----------------------------------------------------------------------------------------
 
@@ -251,8 +247,6 @@ class VirtualDrives:
         self._command_word, self._commanded_ns = np.zeros(count, np.uint64), np.zeros(count, np.int64)
         self._decoded = self._codec.decode_commands(self._command_word)
         self._latched, self._partial = np.zeros((2, 5, count))
-        self._error = np.zeros((2, count))
-        self._elastic, self._viscous = self._error
 
     def _prepare_replies(self, models: Sequence[DriveModel]) -> None:
         """Reply values are kept where they are computed: the measurement, the torque, the rest when it changes."""
@@ -272,6 +266,23 @@ class VirtualDrives:
         self._reply_frames = make_frames(ids, self.dialect.reply_length)
         self._reply_word = self._reply_frames.view(FRAME_WORDS)["word"]
         self._reply_opaque = self._reply_frames.view((np.void, FRAME_SIZE))
+
+
+@compiled
+def _torque(
+    commands: FloatArray,
+    measured: FloatArray,
+    velocity: FloatArray,
+    peak: FloatArray,
+    slope: FloatArray,
+    torque: FloatArray,
+) -> None:
+    """The PD law of n drives, within their torque-speed curves, into `torque`."""
+    for drive in range(torque.shape[0]):
+        wanted = commands[_STIFFNESS, drive] * (commands[_POSITION, drive] - measured[0, drive])
+        wanted += commands[_DAMPING, drive] * (commands[_VELOCITY, drive] - measured[1, drive])
+        wanted += commands[_EFFORT, drive]
+        torque[drive] = available_torque(wanted, velocity[drive], peak[drive], slope[drive])
 
 
 def _inner_units(encoders: Encoders) -> Transform:

@@ -6,9 +6,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from runtime.compiled import compiled
 from runtime.estimation.stance_plane import height_above, plane_normal, smoothed
 from runtime.models.leg_kinematics import LegState
-from runtime.models.vectors import skew
+from runtime.models.vectors import cross, turned
 from runtime.records import Record, boolean, float64_array
 from runtime.signals import BodyState
 
@@ -24,6 +25,7 @@ class StanceMemory(Record):
     course_velocity = float64_array(2, "m/s")
 
 
+@compiled
 def complete(
     output: BodyState,
     memory: StanceMemory,
@@ -35,23 +37,22 @@ def complete(
     course_gain: float,
 ) -> None:
     """Fill the derived fields of `output`, whose pose and twist are set, and keep `memory` up to date."""
-    spin = skew(output.angular_velocity)
-    feet = output.foot_position.reshape(4, 3)
-    feet[:] = legs.position @ rotation.T + output.position
-    moving = legs.velocity - legs.position @ spin
-    output.foot_velocity.reshape(4, 3)[:] = moving @ rotation.T + output.linear_velocity
-    stood = memory.stood.reshape(4, 3)
-    velocity = output.linear_velocity[:2]
-    if not memory.standing_known:
-        memory.standing_known = True
-        stood[:] = feet
-        memory.normal = plane_normal(stood.tolist())
-        memory.course_velocity = velocity
-    stood[contact] = feet[contact]
-    points = stood.tolist()
-    normal = smoothed(memory.normal.tolist(), plane_normal(points), plane_gain)
-    memory.normal = output.plane_normal = normal
-    memory.course_velocity += course_gain * (velocity - memory.course_velocity)
-    output.course_velocity = memory.course_velocity
-    output.contact = contact
-    output.height = height_above(output.position.tolist(), points, normal, foot_radius)
+    first, memory.standing_known = not memory.standing_known, True
+    for foot in range(4):
+        xyz = slice(3 * foot, 3 * foot + 3)
+        relative = legs.velocity[foot] + cross(output.angular_velocity, legs.position[foot])
+        output.foot_position[xyz] = output.position + turned(rotation, legs.position[foot])
+        output.foot_velocity[xyz] = output.linear_velocity + turned(rotation, relative)
+        if contact[foot] or first:
+            memory.stood[xyz] = output.foot_position[xyz]
+    points = memory.stood.reshape(4, 3)
+    measured = plane_normal(points)
+    if first:
+        memory.normal[:] = measured
+        memory.course_velocity[:] = output.linear_velocity[:2]
+    memory.normal[:] = smoothed(memory.normal, measured, plane_gain)
+    memory.course_velocity += course_gain * (output.linear_velocity[:2] - memory.course_velocity)
+    output.plane_normal[:] = memory.normal
+    output.course_velocity[:] = memory.course_velocity
+    output.contact[:] = contact
+    output.height = height_above(output.position, points, memory.normal, foot_radius)

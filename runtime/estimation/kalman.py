@@ -8,30 +8,30 @@ R_true = exp(theta) R. A standing foot is round and rolls: it is the contact *po
 
 from __future__ import annotations
 
-from functools import cache
+import math
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import lapack
 
+from runtime.compiled import compiled
 from runtime.estimation.kalman_config import KalmanConfig
 from runtime.models.leg_kinematics import LegState
 from runtime.models.rigid_body import GRAVITY
 from runtime.models.rotations import (
     matrix_of_quaternion,
+    normalized,
     quaternion_of_vector,
     quaternion_product,
 )
-from runtime.models.vectors import skew, skews
+from runtime.models.vectors import cross, dot, skew, turned
+from runtime.optimization.linear import solve_positive
 from runtime.records import Record, boolean, float64_array
 
 Array = npt.NDArray[np.float64]
 SIZE = 15
 POSITION, VELOCITY, ROTATION, RATE_BIAS, ACCELERATION_BIAS = (slice(i, i + 3) for i in range(0, SIZE, 3))
 
-
-_IDENTITY = np.eye(SIZE)
 HUBER = 2.0
 """Residuals beyond this many standard deviations widen their foot's deviation: a slipping foot counts less."""
 
@@ -56,13 +56,6 @@ class Measured(NamedTuple):
     variance: Array
 
 
-@cache
-def _process_noise(config: KalmanConfig) -> Array:
-    """Variance gained per second by each error state."""
-    densities = (0.0, config.acceleration_noise, config.rate_noise, config.rate_walk, config.acceleration_walk)
-    return np.repeat(np.square(densities), 3)
-
-
 def start(memory: KalmanMemory, position: Array, orientation: Array) -> None:
     """Begin at a known pose, at rest."""
     memory.started = True
@@ -72,48 +65,60 @@ def start(memory: KalmanMemory, position: Array, orientation: Array) -> None:
     memory.covariance = np.diag(spread**2).ravel()
 
 
+@compiled
 def predict(memory: KalmanMemory, config: KalmanConfig, acceleration: Array, rate: Array, seconds: float) -> Array:
-    """Propagate by one IMU sample; returns the rotation matrix after it."""
+    """Propagate by one IMU sample; returns the rotation matrix after it.
+
+    Args:
+        memory: the filter's state.
+        config: noise.
+        acceleration: specific force, in base, m/s^2.
+        rate: angular velocity, in base, rad/s.
+        seconds: since the sample before.
+    """
     rotation = matrix_of_quaternion(memory.orientation)
-    force = rotation @ (acceleration - memory.acceleration_bias)
-    turned = (rate - memory.rate_bias) * seconds
+    force = turned(rotation, acceleration - memory.acceleration_bias)
     gained = force * seconds
     gained[2] -= GRAVITY * seconds
     memory.position += memory.velocity * seconds + 0.5 * seconds * gained
     memory.velocity += gained
-    orientation = quaternion_product(memory.orientation, quaternion_of_vector(turned))
-    memory.orientation = orientation / np.sqrt(orientation @ orientation)
+    turn = quaternion_of_vector((rate - memory.rate_bias) * seconds)
+    memory.orientation[:] = normalized(quaternion_product(memory.orientation, turn))
 
-    transition = _IDENTITY.copy()
+    transition = np.eye(SIZE)
     transition[0, 3] = transition[1, 4] = transition[2, 5] = seconds
-    transition[VELOCITY, ROTATION] = -seconds * skew(force)
-    transition[VELOCITY, ACCELERATION_BIAS] = -seconds * rotation
-    transition[ROTATION, RATE_BIAS] = -seconds * rotation
+    transition[3:6, 6:9] = -seconds * skew(force)
+    transition[3:6, 12:15] = -seconds * rotation
+    transition[6:9, 9:12] = -seconds * rotation
     covariance = transition @ memory.covariance.reshape(SIZE, SIZE) @ transition.T
-    covariance.flat[:: SIZE + 1] += _process_noise(config) * seconds
-    memory.covariance = covariance.ravel()
+    densities = (0.0, config.acceleration_noise, config.rate_noise, config.rate_walk, config.acceleration_walk)
+    for state in range(SIZE):
+        covariance[state, state] += densities[state // 3] ** 2 * seconds
+    memory.covariance[:] = covariance.ravel()
     return matrix_of_quaternion(memory.orientation)
 
 
+@compiled
 def update(memory: KalmanMemory, measured: Measured) -> Array:
     """Apply a measurement; returns the error-state correction (15,)."""
-    covariance = memory.covariance.reshape(SIZE, SIZE)
-    cross = covariance @ measured.matrix.T
-    innovation = measured.matrix @ cross
-    innovation.flat[:: innovation.shape[0] + 1] += measured.variance
-    _, gain, _ = lapack.dposv(innovation, cross.T)
+    before = memory.covariance.reshape(SIZE, SIZE)
+    cross_covariance = measured.matrix @ before
+    innovation = cross_covariance @ measured.matrix.T
+    for row in range(measured.variance.shape[0]):
+        innovation[row, row] += measured.variance[row]
+    gain = solve_positive(innovation, cross_covariance)
     change = measured.residual @ gain
-    covariance = covariance - cross @ gain
-    memory.covariance = (0.5 * (covariance + covariance.T)).ravel()
-    memory.position += change[POSITION]
-    memory.velocity += change[VELOCITY]
-    orientation = quaternion_product(quaternion_of_vector(change[ROTATION]), memory.orientation)
-    memory.orientation = orientation / np.sqrt(orientation @ orientation)
-    memory.rate_bias += change[RATE_BIAS]
-    memory.acceleration_bias += change[ACCELERATION_BIAS]
+    after = before - cross_covariance.T @ gain
+    memory.covariance[:] = (0.5 * (after + after.T)).ravel()
+    memory.position += change[0:3]
+    memory.velocity += change[3:6]
+    memory.orientation[:] = normalized(quaternion_product(quaternion_of_vector(change[6:9]), memory.orientation))
+    memory.rate_bias += change[9:12]
+    memory.acceleration_bias += change[12:15]
     return change
 
 
+@compiled
 def contact_measurement(
     memory: KalmanMemory,
     rotation: Array,
@@ -136,25 +141,32 @@ def contact_measurement(
         normal: of the ground, in odom.
         foot_radius: m.
     """
-    down = -foot_radius * (normal @ rotation)
-    point = legs.position[standing] + down
-    relative = legs.velocity[standing] + legs.shank_rate[standing] @ skew(down)
-    turning = (relative - point @ skew(rate)) @ rotation.T
-    count = standing.size
-    matrix = np.zeros((count, 3, SIZE))
-    matrix[:, :, VELOCITY] = _IDENTITY[:3, :3]
-    matrix[:, :, ROTATION] = -skews(turning)
-    matrix[:, :, RATE_BIAS] = rotation @ skews(point)
-    residual = -(memory.velocity + turning)
-    slip = np.sqrt(np.square(residual).sum(axis=1))
-    trusted = np.maximum(deviation, slip / HUBER)
-    return Measured(residual.ravel(), matrix.reshape(3 * count, SIZE), np.repeat(np.square(trusted), 3))
+    count = standing.shape[0]
+    residual, matrix, variance = np.empty(3 * count), np.zeros((3 * count, SIZE)), np.empty(3 * count)
+    down = -foot_radius * turned(rotation.T, normal)
+    for row in range(count):
+        foot = standing[row]
+        point = legs.position[foot] + down
+        relative = legs.velocity[foot] + cross(legs.shank_rate[foot], down)
+        moving = turned(rotation, relative + cross(rate, point))
+        rows = slice(3 * row, 3 * row + 3)
+        residual[rows] = -(memory.velocity + moving)
+        matrix[rows, 6:9] = -skew(moving)
+        for axis in range(3):
+            matrix[3 * row + axis, 3 + axis] = 1.0
+            # each row of R [p]x is the row of R crossed with p
+            matrix[3 * row + axis, 9:12] = cross(rotation[axis], point)
+        slip = math.sqrt(dot(residual[rows], residual[rows]))
+        variance[rows] = max(deviation[row], slip / HUBER) ** 2
+    return Measured(residual, matrix, variance)
 
 
+@compiled
 def pose_measurement(config: KalmanConfig, position_error: Array, yaw_error: float) -> Measured:
     """Position and yaw of the localisation sensor, as differences from the estimate at the pose's own stamp."""
-    matrix = np.zeros((4, SIZE))
+    residual, matrix, variance = np.empty(4), np.zeros((4, SIZE)), np.empty(4)
+    residual[:3], residual[3] = position_error, yaw_error
     matrix[0, 0] = matrix[1, 1] = matrix[2, 2] = 1.0
     matrix[3, 8] = 1.0
-    variance = np.square([config.localization_position_m] * 3 + [config.localization_yaw_rad])
-    return Measured(np.append(position_error, yaw_error), matrix, variance)
+    variance[:3], variance[3] = config.localization_position_m**2, config.localization_yaw_rad**2
+    return Measured(residual, matrix, variance)

@@ -3,20 +3,22 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from runtime.compiled import compiled, table_of
 from runtime.estimation import kalman
 from runtime.estimation.body_output import StanceMemory, complete
 from runtime.estimation.contact import loaded_feet, normal_force, rest_deviation
 from runtime.estimation.kalman_config import KalmanConfig
 from runtime.models.leg_dynamics import LegDynamics
-from runtime.models.leg_kinematics import LegKinematics, LegState
+from runtime.models.leg_kinematics import LegState, leg_state
 from runtime.models.quadruped import Quadruped
 from runtime.models.rigid_body import GRAVITY
 from runtime.models.rotations import matrix_of_quaternion, quaternion_of_yaw, wrapped, yaw_of_quaternion
+from runtime.models.vectors import turned
 from runtime.records import float64_array, int64, int64_array, uint32
 from runtime.signals import BodyState, Gait, Imu, JointState, Pose
 from runtime.tasks import Task
@@ -67,46 +69,30 @@ class KalmanTask(Task):
         gait: Gait,
         output: BodyState,
     ) -> None:
-        self._config, self._period_s = config, period_ns * 1e-9
+        self._parameters, self._robot, self._period_s = table_of(config), table_of(description), period_ns * 1e-9
         self._imu, self._joints, self._pose, self._gait, self._output = imu, joints, pose, gait, output
-        self._legs, self._dynamics = LegKinematics(description), LegDynamics(description)
-        self._foot_radius = description.foot_radius_m
+        self._dynamics = LegDynamics(description)
         self.reads, self.writes = (imu, joints, pose, gait), (output,)
         self.state: EstimatorMemory = EstimatorMemory("/ugv/state/estimator", output.sizes)
 
     def step(self, now_ns: int) -> None:
         """One estimate; see `Task`."""
-        memory, config = self.state, self._config
+        memory = self.state
         if not memory.started and not self._begin():
             return
-        legs = self._legs.forward(self._joints.position, self._joints.velocity)
-        self._take_sample()
-        rotation = kalman.predict(memory, config, memory.acceleration, memory.rate, self._period_s)
-        contact = self._contacts(legs, rotation)
-        self._rest_on_feet(legs, rotation, contact)
-        self._remember(now_ns)
-        self._fuse_pose(now_ns)
-        self._publish(now_ns, legs, contact)
-
-    def _rest_on_feet(self, legs: LegState, rotation: Array, contact: npt.NDArray[np.bool_]) -> None:
-        """Correct by the contact points of the standing feet; one that seems to move is trusted less (Huber)."""
-        memory, config, gait = self.state, self._config, self._gait
-        progress = gait.foot_phase.tolist() if gait.walking else [0.5] * 4
-        standing = np.flatnonzero(contact & gait.stance) if gait.walking else np.arange(4)
-        if not standing.size:
-            return
-        deviation = np.array([rest_deviation(config, progress[foot]) for foot in standing])
-        measured = kalman.contact_measurement(
-            memory,
-            rotation,
-            memory.rate - memory.rate_bias,
-            legs,
-            standing,
-            deviation,
-            self._normal(),
-            self._foot_radius,
+        motion = _sample(self._period_s, memory.table, self._imu.table, self._joints.table)
+        _estimate(
+            now_ns,
+            self._period_s,
+            self._parameters,
+            self._robot,
+            memory.table,
+            self._joints.table,
+            self._pose.table,
+            self._gait.table,
+            self._dynamics.free_torque(memory.acceleration, memory.rate, *motion),
+            self._output.table,
         )
-        kalman.update(memory, measured)
 
     def _begin(self) -> bool:
         """Start from the first pose of the localisation sensor, standing still."""
@@ -118,88 +104,146 @@ class KalmanTask(Task):
         self.state.acceleration = (0.0, 0.0, GRAVITY)
         return True
 
-    def _take_sample(self) -> None:
-        """Use the newest IMU sample if it is finite; keep the last good one otherwise."""
-        imu, memory = self._imu, self.state
-        if imu.sequence == memory.imu_sequence:
-            return
+
+@compiled
+def _sample(
+    period_s: float, memories: Sequence[EstimatorMemory], samples: Sequence[Imu], all_joints: Sequence[JointState]
+) -> tuple[Array, Array, Array]:
+    """Take up the newest IMU sample if it is finite, keeping the last good one otherwise; and look at the joints.
+
+    Returns:
+        Positions, velocities and accelerations of the joints, (12,) each.
+    """
+    memory, imu, joints = memories[0], samples[0], all_joints[0]
+    if imu.sequence != memory.imu_sequence:
         memory.imu_sequence = imu.sequence
-        if all(map(isfinite, imu.angular_velocity.tolist() + imu.linear_acceleration.tolist())):
-            memory.rate, memory.acceleration = imu.angular_velocity, imu.linear_acceleration
+        if np.isfinite(imu.angular_velocity).all() and np.isfinite(imu.linear_acceleration).all():
+            memory.rate[:] = imu.angular_velocity
+            memory.acceleration[:] = imu.linear_acceleration
         else:
             memory.samples_rejected += 1
+    acceleration = (joints.velocity - memory.joint_velocity) / period_s
+    memory.joint_velocity[:] = joints.velocity
+    return joints.position, joints.velocity, acceleration
 
-    def _normal(self) -> Array:
-        """The ground's normal as known before this tick."""
-        memory = self.state
-        return memory.normal if memory.standing_known else np.array([0.0, 0.0, 1.0])
 
-    def _contacts(self, legs: LegState, rotation: Array) -> npt.NDArray[np.bool_]:
-        memory, config, gait = self.state, self._config, self._gait
-        joints = self._joints
-        acceleration = (joints.velocity - memory.joint_velocity) / self._period_s
-        memory.joint_velocity = joints.velocity
-        free = self._dynamics.free_torque(
-            memory.acceleration, memory.rate, joints.position, joints.velocity, acceleration
-        )
-        measured = normal_force(legs, joints.effort - free, self._normal() @ rotation)
-        memory.force += min(1.0, self._period_s / config.contact_filter_s) * (measured - memory.force)
-        if not gait.walking:
-            return np.ones(4, dtype=bool)
-        return loaded_feet(config, memory.force, gait.stance, gait.foot_phase)
+@compiled
+def _estimate(
+    now_ns: int,
+    period_s: float,
+    configs: Sequence[KalmanConfig],
+    robots: Sequence[Quadruped],
+    memories: Sequence[EstimatorMemory],
+    all_joints: Sequence[JointState],
+    poses: Sequence[Pose],
+    gaits: Sequence[Gait],
+    free_torque: Array,
+    outputs: Sequence[BodyState],
+) -> None:
+    """Predict, correct by the standing feet and the newest pose, and publish."""
+    config, robot, memory, joints, gait = configs[0], robots[0], memories[0], all_joints[0], gaits[0]
+    legs = leg_state(robot, joints.position, joints.velocity)
+    rotation = kalman.predict(memory, config, memory.acceleration, memory.rate, period_s)
+    normal = memory.normal.copy() if memory.standing_known else np.array([0.0, 0.0, 1.0])
+    measured = normal_force(legs, joints.effort - free_torque, turned(rotation.T, normal))
+    memory.force += min(1.0, period_s / config.contact_filter_s) * (measured - memory.force)
+    contact = np.ones(4, dtype=np.bool_)
+    if gait.walking:
+        contact = loaded_feet(config, memory.force, gait.stance, gait.foot_phase)
+    _rest_on_feet(config, memory, legs, rotation, contact, gait, normal, robot.foot_radius_m)
+    _remember(memory, now_ns)
+    _fuse_pose(config, memory, poses[0], 2 * period_s * 1e9)
+    _publish(config, memory, legs, contact, robot.foot_radius_m, now_ns, period_s, outputs[0])
 
-    def _remember(self, now_ns: int) -> None:
-        """Put the present pose into the ring of past ones."""
-        memory = self.state
-        slot = memory.history_count % HISTORY
-        memory.history_count += 1
-        memory.history_ns[slot] = now_ns
-        memory.history[4 * slot : 4 * slot + 3] = memory.position
-        memory.history[4 * slot + 3] = yaw_of_quaternion(memory.orientation)
 
-    def _fuse_pose(self, now_ns: int) -> None:
-        """Correct by the localisation pose, compared with the estimate at the time it was acquired."""
-        memory, pose, config = self.state, self._pose, self._config
-        if pose.sequence == memory.pose_sequence:
-            return
-        memory.pose_sequence = pose.sequence
-        past = memory.history.reshape(HISTORY, 4)
-        ages = np.abs(memory.history_ns - pose.stamp_ns)
-        slot = int(np.argmin(ages))
-        finite = np.isfinite(pose.position).all() and np.isfinite(pose.orientation).all()
-        if not finite or ages[slot] > 2 * self._period_s * 1e9:
-            memory.poses_rejected += 1
-            return
-        error = pose.position - past[slot, :3]
-        yaw_error = wrapped(yaw_of_quaternion(pose.orientation) - past[slot, 3])
-        measured = kalman.pose_measurement(config, error, yaw_error)
-        spread = memory.covariance.reshape(kalman.SIZE, kalman.SIZE).diagonal()[[0, 1, 2, 8]] + measured.variance
-        if (np.square(measured.residual) > config.localization_gate**2 * spread).any():
-            memory.poses_rejected += 1
-            return
-        change = kalman.update(memory, measured)
-        past[:, :3] += change[kalman.POSITION]
-        past[:, 3] += change[kalman.ROTATION][2]
-        memory.pose_stamp_ns = pose.stamp_ns
-
-    def _publish(self, now_ns: int, legs: LegState, contact: npt.NDArray[np.bool_]) -> None:
-        memory, output, config = self.state, self._output, self._config
-        output.stamp_ns = now_ns
-        rotation = matrix_of_quaternion(memory.orientation)
-        output.position, output.orientation = memory.position, memory.orientation
-        output.linear_velocity = memory.velocity
-        output.angular_velocity = memory.rate - memory.rate_bias
-        output.contact_force = memory.force
-        output.localization_age_ns = now_ns - memory.pose_stamp_ns
-        output.localization_rejected = memory.poses_rejected
-        output.imu_rejected = memory.samples_rejected
-        complete(
-            output,
+@compiled
+def _rest_on_feet(
+    config: KalmanConfig,
+    memory: EstimatorMemory,
+    legs: LegState,
+    rotation: Array,
+    contact: npt.NDArray[np.bool_],
+    gait: Gait,
+    normal: Array,
+    foot_radius: float,
+) -> None:
+    """Correct by the contact points of the standing feet; one that seems to move is trusted less (Huber)."""
+    standing, progress = np.arange(4), np.full(4, 0.5)
+    if gait.walking:
+        standing = np.flatnonzero(contact & gait.stance)
+        progress = gait.foot_phase[standing]
+    if standing.size:
+        rate, deviation = memory.rate - memory.rate_bias, rest_deviation(config, progress)
+        kalman.update(
             memory,
-            legs,
-            rotation,
-            contact,
-            self._foot_radius,
-            self._period_s / config.plane_time_s,
-            self._period_s / config.course_time_s,
+            kalman.contact_measurement(memory, rotation, rate, legs, standing, deviation, normal, foot_radius),
         )
+
+
+@compiled
+def _remember(memory: EstimatorMemory, now_ns: int) -> None:
+    """Put the present pose into the ring of past ones."""
+    slot = memory.history_count % HISTORY
+    memory.history_count += 1
+    memory.history_ns[slot] = now_ns
+    memory.history[4 * slot : 4 * slot + 3] = memory.position
+    memory.history[4 * slot + 3] = yaw_of_quaternion(memory.orientation)
+
+
+@compiled
+def _fuse_pose(config: KalmanConfig, memory: EstimatorMemory, pose: Pose, oldest_ns: float) -> None:
+    """Correct by the localisation pose, compared with the estimate at the time it was acquired."""
+    if pose.sequence == memory.pose_sequence:
+        return
+    memory.pose_sequence = pose.sequence
+    past = memory.history.reshape(HISTORY, 4)
+    ages = np.abs(memory.history_ns - pose.stamp_ns)
+    slot = np.argmin(ages)
+    if not (np.isfinite(pose.position).all() and np.isfinite(pose.orientation).all()) or ages[slot] > oldest_ns:
+        memory.poses_rejected += 1
+        return
+    yaw_error = wrapped(yaw_of_quaternion(pose.orientation) - past[slot, 3])
+    measured = kalman.pose_measurement(config, pose.position - past[slot, :3], yaw_error)
+    covariance = memory.covariance.reshape(kalman.SIZE, kalman.SIZE)
+    for row, state in enumerate((0, 1, 2, 8)):
+        spread = covariance[state, state] + measured.variance[row]
+        if not measured.residual[row] ** 2 <= config.localization_gate**2 * spread:
+            memory.poses_rejected += 1
+            return
+    change = kalman.update(memory, measured)
+    for row in range(HISTORY):
+        past[row, :3] += change[0:3]
+        past[row, 3] += change[8]
+    memory.pose_stamp_ns = pose.stamp_ns
+
+
+@compiled
+def _publish(
+    config: KalmanConfig,
+    memory: EstimatorMemory,
+    legs: LegState,
+    contact: npt.NDArray[np.bool_],
+    foot_radius: float,
+    now_ns: int,
+    period_s: float,
+    output: BodyState,
+) -> None:
+    output.stamp_ns = now_ns
+    output.position[:] = memory.position
+    output.orientation[:] = memory.orientation
+    output.linear_velocity[:] = memory.velocity
+    output.angular_velocity[:] = memory.rate - memory.rate_bias
+    output.contact_force[:] = memory.force
+    output.localization_age_ns = now_ns - memory.pose_stamp_ns
+    output.localization_rejected = memory.poses_rejected
+    output.imu_rejected = memory.samples_rejected
+    complete(
+        output,
+        memory,
+        legs,
+        matrix_of_quaternion(memory.orientation),
+        contact,
+        foot_radius,
+        period_s / config.plane_time_s,
+        period_s / config.course_time_s,
+    )

@@ -4,27 +4,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
-Point = Sequence[float]
+import numpy as np
+import numpy.typing as npt
+
+from runtime.compiled import compiled
+from runtime.models.rotations import normalized
+
+Array = npt.NDArray[np.float64]
 
 FLATNESS = 1e-3
 """Ridge on the slopes, m^2: with feet close together the plane falls back to level."""
 
 
-def center(stood: Sequence[Point]) -> tuple[float, float, float]:
-    """Mean of four points."""
-    (x0, y0, z0), (x1, y1, z1), (x2, y2, z2), (x3, y3, z3) = stood
-    return 0.25 * (x0 + x1 + x2 + x3), 0.25 * (y0 + y1 + y2 + y3), 0.25 * (z0 + z1 + z2 + z3)
+@compiled
+def center(stood: Array) -> tuple[float, float, float]:
+    """Mean of four points (4, 3)."""
+    x, y, z = 0.0, 0.0, 0.0
+    for foot in range(4):
+        x, y, z = x + stood[foot, 0], y + stood[foot, 1], z + stood[foot, 2]
+    return 0.25 * x, 0.25 * y, 0.25 * z
 
 
-def plane_normal(stood: Sequence[Point]) -> tuple[float, float, float]:
-    """Unit normal of the least-squares plane z = c + a x + b y through four points."""
+@compiled
+def plane_normal(stood: Array) -> Array:
+    """Unit normal of the least-squares plane z = c + a x + b y through four points (4, 3)."""
     cx, cy, cz = center(stood)
     xx = yy = FLATNESS
     xy = xz = yz = 0.0
-    for x, y, z in stood:
-        dx, dy, dz = x - cx, y - cy, z - cz
+    for foot in range(4):
+        dx, dy, dz = stood[foot, 0] - cx, stood[foot, 1] - cy, stood[foot, 2] - cz
         xx += dx * dx
         yy += dy * dy
         xy += dx * dy
@@ -34,19 +43,18 @@ def plane_normal(stood: Sequence[Point]) -> tuple[float, float, float]:
     a = (xz * yy - yz * xy) / determinant
     b = (yz * xx - xz * xy) / determinant
     scale = 1.0 / math.sqrt(a * a + b * b + 1.0)
-    return -a * scale, -b * scale, scale
+    return np.array([-a * scale, -b * scale, scale])
 
 
-def smoothed(normal: Point, measured: Point, gain: float) -> tuple[float, float, float]:
+@compiled
+def smoothed(normal: Array, measured: Array, gain: float) -> Array:
     """First-order low-pass of a unit vector."""
-    x, y, z = (old + gain * (new - old) for old, new in zip(normal, measured, strict=True))
-    scale = 1.0 / math.sqrt(x * x + y * y + z * z)
-    return x * scale, y * scale, z * scale
+    return normalized(normal + gain * (measured - normal))
 
 
-def height_above(position: Point, stood: Sequence[Point], normal: Point, foot_radius: float) -> float:
+@compiled
+def height_above(position: Array, stood: Array, normal: Array, foot_radius: float) -> float:
     """Height along world z of a point above the contacts' plane with the given normal; `stood` are foot centres."""
     cx, cy, cz = center(stood)
-    nx, ny, nz = normal
-    level = cz - (nx * (position[0] - cx) + ny * (position[1] - cy)) / nz
-    return position[2] - level + foot_radius / nz
+    level = cz - (normal[0] * (position[0] - cx) + normal[1] * (position[1] - cy)) / normal[2]
+    return float(position[2] - level + foot_radius / normal[2])

@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from runtime.compiled import compiled, table_of
 from runtime.estimation.body_output import StanceMemory, complete
 from runtime.estimation.kalman_config import KalmanConfig
-from runtime.models.leg_kinematics import LegKinematics
+from runtime.models.leg_kinematics import leg_state
 from runtime.models.quadruped import Quadruped
 from runtime.models.rotations import matrix_of_quaternion
 from runtime.signals import BodyState, JointState, Truth
@@ -34,33 +37,52 @@ class TruthTask(Task):
         joints: JointState,
         output: BodyState,
     ) -> None:
-        self._config, self._period_s = config, period_ns * 1e-9
+        self._parameters, self._robot, self._period_s = table_of(config), table_of(description), period_ns * 1e-9
         self._truth, self._joints, self._output = truth, joints, output
-        self._legs = LegKinematics(description)
-        self._foot_radius = description.foot_radius_m
         self.reads, self.writes = (truth, joints), (output,)
         self.state: StanceMemory = StanceMemory("/ugv/state/estimator", output.sizes)
 
     def step(self, now_ns: int) -> None:
         """One estimate; see `Task`."""
-        truth, output = self._truth, self._output
-        if truth.stamp_ns == 0 and now_ns > 0:
+        if self._truth.stamp_ns == 0 and now_ns > 0:
             return
-        output.stamp_ns = now_ns
-        output.position = truth.position
-        output.orientation = truth.orientation
-        output.linear_velocity = truth.linear_velocity
-        output.angular_velocity = truth.angular_velocity
-        normal_force = truth.contact_force.reshape(4, 3)[:, 2]
-        output.contact_force = normal_force
-        legs = self._legs.forward(self._joints.position, self._joints.velocity)
-        complete(
-            output,
-            self.state,
-            legs,
-            matrix_of_quaternion(truth.orientation),
-            normal_force > self._config.contact_force_n,
-            self._foot_radius,
-            self._period_s / self._config.plane_time_s,
-            self._period_s / self._config.course_time_s,
+        _estimate(
+            now_ns,
+            self._period_s,
+            self._parameters,
+            self._robot,
+            self.state.table,
+            self._truth.table,
+            self._joints.table,
+            self._output.table,
         )
+
+
+@compiled
+def _estimate(
+    now_ns: int,
+    period_s: float,
+    configs: Sequence[KalmanConfig],
+    robots: Sequence[Quadruped],
+    memories: Sequence[StanceMemory],
+    truths: Sequence[Truth],
+    all_joints: Sequence[JointState],
+    outputs: Sequence[BodyState],
+) -> None:
+    config, robot, truth, joints, output = configs[0], robots[0], truths[0], all_joints[0], outputs[0]
+    output.stamp_ns = now_ns
+    output.position[:] = truth.position
+    output.orientation[:] = truth.orientation
+    output.linear_velocity[:] = truth.linear_velocity
+    output.angular_velocity[:] = truth.angular_velocity
+    output.contact_force[:] = truth.contact_force[2::3]
+    complete(
+        output,
+        memories[0],
+        leg_state(robot, joints.position, joints.velocity),
+        matrix_of_quaternion(truth.orientation),
+        output.contact_force > config.contact_force_n,
+        robot.foot_radius_m,
+        period_s / config.plane_time_s,
+        period_s / config.course_time_s,
+    )

@@ -10,12 +10,10 @@ R^T y = demand, and X = Q y.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import lapack
+
+from runtime.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 
@@ -26,32 +24,31 @@ DAMPING = 0.04
 _SMALLEST_PIVOT = 1e-12
 
 
-class MotionTask(NamedTuple):
-    """One task of m rows on n generalised coordinates.
+@compiled
+def prioritised_motion(jacobian: Array, demand: Array) -> Array:
+    """Position change, velocity and acceleration of the generalised coordinates, (n, 3).
 
-    Attributes:
-        jacobian: (m, n).
+    Args:
+        jacobian: of all tasks, (m, n), those of the highest priority first; m <= n.
         demand: columns are the position error e, the velocity and the acceleration less the drift dJ/dt dq/dt, (m, 3).
+
+    All is NaN if the Jacobian is not finite.
     """
+    rows, coordinates = jacobian.shape
+    if not np.isfinite(jacobian).all():
+        return np.full((coordinates, demand.shape[1]), np.nan)
+    basis, factor = np.linalg.qr(jacobian.T)
+    solution = demand.copy()
+    for row in range(rows):
+        for above in range(row):
+            solution[row] -= factor[above, row] * solution[above]
+        solution[row] /= _damped(factor[row, row])
+    return np.ascontiguousarray(basis) @ solution
 
-    jacobian: Array
-    demand: Array
 
-
-def prioritised_motion(tasks: Sequence[MotionTask]) -> Array:
-    """Position change, velocity and acceleration of the generalised coordinates, (n, 3), tasks with the highest first.
-
-    The rows of all tasks together are at most as many as the coordinates.
-    """
-    stacked = np.concatenate([task.jacobian for task in tasks])
-    demand = np.concatenate([task.demand for task in tasks])
-    rows = stacked.shape[0]
-    factors, reflectors, _, _ = lapack.dgeqrf(stacked.T)
-    pivots = factors.diagonal()
-    safe = np.where(np.abs(pivots) > _SMALLEST_PIVOT, pivots, _SMALLEST_PIVOT)
-    activation = np.maximum(0.0, 1.0 - np.square(safe / SINGULAR_PIVOT))
-    factors.flat[: rows * (rows + 1) : rows + 1] = safe + DAMPING**2 * activation / safe
-    answer = np.zeros((stacked.shape[1], demand.shape[1]))
-    answer[:rows], _ = lapack.dtrtrs(factors[:rows], demand, lower=0, trans=1)
-    motion, _, _ = lapack.dormqr("L", "N", factors, reflectors, answer, 64 * rows)
-    return np.asarray(motion)
+@compiled
+def _damped(pivot: float) -> float:
+    """A pivot of R, kept away from zero."""
+    safe = pivot if abs(pivot) > _SMALLEST_PIVOT else _SMALLEST_PIVOT
+    activation = max(0.0, 1.0 - (safe / SINGULAR_PIVOT) ** 2)
+    return safe + DAMPING**2 * activation / safe

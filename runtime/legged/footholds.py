@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 
 import msgspec
 
+from runtime.compiled import compiled
 from runtime.models.rigid_body import GRAVITY
 
 
@@ -46,6 +47,7 @@ class TrunkMotion(NamedTuple):
     height: float
 
 
+@compiled
 def foothold(
     config: FootholdConfig,
     trunk: TrunkMotion,

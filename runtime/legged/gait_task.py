@@ -4,20 +4,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
+from runtime.compiled import compiled, table_of
 from runtime.legged.footholds import FootholdConfig, TrunkMotion, foothold
 from runtime.legged.gait import GaitConfig, foot_phases, phase_progress, scheduled_stance
 from runtime.legged.swing import SwingConfig, foot_reference
-from runtime.models.quadruped import Quadruped
+from runtime.models.quadruped import FORWARD, LEFT, Quadruped
 from runtime.models.rotations import yaw_of_quaternion
 from runtime.records import Record, boolean, boolean_array, float64_array, int64, int64_array, uint32
 from runtime.signals import BodyCommand, BodyState, Gait, Mode, Posture, SafetyStatus, Stance
 from runtime.tasks import Task
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 LOST_AFTER_NS = 20_000_000
 """A standing foot that has not carried load for so long searches for the ground again."""
@@ -67,136 +71,178 @@ class GaitTask(Task):
         posture: Posture,
         output: Gait,
     ) -> None:
-        self._gait, self._swing, self._foothold = gait, swing, footholds
-        self._body, self._command, self._safety = body, command, safety
-        self._posture, self._output = posture, output
-        self._shoulders = [(x, y) for x, y, _ in description.shoulder_positions().tolist()]
-        self._foot_radius = description.foot_radius_m
+        self._safety, self._posture = safety, posture
         self.reads, self.writes = (body, command, safety, posture), (output,)
         self.state: GaitMemory = GaitMemory("/ugv/state/gait", output.sizes)
+        self._move = partial(
+            _move,
+            table_of(description),
+            table_of(gait),
+            table_of(swing),
+            table_of(footholds),
+            body.table,
+            command.table,
+            self.state.table,
+            output.table,
+        )
 
     def step(self, now_ns: int) -> None:
         """One tick; see `Task`."""
-        memory, body, output = self.state, self._body, self._output
-        balancing = self._posture.stance == Stance.STANDING and self._safety.mode in (Mode.STANDING, Mode.ACTIVE)
-        self._start_or_stop(now_ns, balancing)
-        stance, progress = [True] * 4, [0.0] * 4
-        if memory.walking:
-            phases = foot_phases(self._gait, memory.cycle_start_ns, now_ns)
-            stance, progress = scheduled_stance(self._gait, phases), phase_progress(self._gait, phases)
-        self._follow_contacts(now_ns, stance, progress, body.foot_position.reshape(4, 3))
-        touched = memory.touched.tolist()
-        self._place_feet(touched, stance, progress)
-        contact = [
-            down and (stands or late > 0.5) for down, stands, late in zip(touched, stance, progress, strict=True)
-        ]
-        self._move_feet(now_ns, contact, stance, progress)
-        output.stamp_ns = now_ns
-        output.balancing = balancing
-        output.walking = memory.walking
-        output.cycle_start_ns = memory.cycle_start_ns
-        output.stance = stance
-        output.contact = contact
-        output.foot_phase = progress
-        output.foothold = memory.foothold
-        output.late_contacts = memory.late_contacts
-        output.early_contacts = memory.early_contacts
-        output.lost_contacts = memory.lost_contacts
+        mode = self._safety.mode
+        balancing = self._posture.stance == Stance.STANDING and mode in (Mode.STANDING, Mode.ACTIVE)
+        self._move(now_ns, balancing, balancing and mode == Mode.ACTIVE)
 
-    def _start_or_stop(self, now_ns: int, balancing: bool) -> None:
-        memory, command = self.state, self._command
-        active = balancing and self._safety.mode == Mode.ACTIVE
-        speed = math.hypot(float(command.velocity[0]), float(command.velocity[1]))
-        wanted = active and (speed > STANDSTILL_MPS or abs(command.yaw_rate) > 10 * STANDSTILL_MPS)
-        elapsed = now_ns - memory.cycle_start_ns
-        if not balancing:
-            memory.walking, memory.touched = False, True
-        elif not memory.walking:
-            if wanted:
-                memory.walking, memory.cycle_start_ns = True, now_ns
-                memory.touched = True
-        elif elapsed >= self._gait.period_ns:
-            memory.cycle_start_ns += self._gait.period_ns
-            if not wanted:
-                memory.walking = False
-                memory.touched = True
 
-    def _follow_contacts(self, now_ns: int, stance: list[bool], progress: list[float], feet: Array) -> None:
-        """Latch touchdowns; a foot lifts off at the start of its swing and touches down only late in it."""
-        memory = self.state
-        touched, lift_off, targets = memory.touched, memory.lift_off.reshape(4, 3), memory.foothold.reshape(4, 3)
-        loaded, stood = self._body.contact.tolist(), memory.stance.tolist()
-        for foot in range(4):
-            if not stance[foot] and stood[foot]:
-                touched[foot] = False
-                lift_off[foot] = feet[foot]
-            elif stance[foot] and not stood[foot]:
-                memory.search_ns[foot] = now_ns
-            if loaded[foot]:
-                memory.loaded_ns[foot] = now_ns
-            unloaded_ns = now_ns - memory.loaded_ns[foot]
-            if memory.walking and touched[foot] and stance[foot] and unloaded_ns > LOST_AFTER_NS:
-                touched[foot] = False
-                memory.search_ns[foot] = now_ns
-                memory.lost_contacts += 1
-            elif loaded[foot] and not touched[foot] and (stance[foot] or progress[foot] > EARLIEST_TOUCHDOWN):
-                touched[foot] = True
-                if stance[foot]:
-                    memory.late_contacts += 1
-                else:
-                    memory.early_contacts += 1
-            if touched[foot]:
-                targets[foot] = feet[foot]
-        memory.stance = stance
+@compiled
+def _move(
+    robots: Sequence[Quadruped],
+    gaits: Sequence[GaitConfig],
+    swings: Sequence[SwingConfig],
+    rules: Sequence[FootholdConfig],
+    bodies: Sequence[BodyState],
+    commands: Sequence[BodyCommand],
+    memories: Sequence[GaitMemory],
+    outputs: Sequence[Gait],
+    now_ns: int,
+    balancing: bool,
+    active: bool,
+) -> None:
+    """One tick: `balancing` if the legs carry the trunk, `active` if the robot may walk."""
+    gait, body, command, memory, output = gaits[0], bodies[0], commands[0], memories[0], outputs[0]
+    _start_or_stop(gait, memory, command, now_ns, balancing, active)
+    stance, progress = np.ones(4, dtype=np.bool_), np.zeros(4)
+    if memory.walking:
+        phases = foot_phases(gait, memory.cycle_start_ns, now_ns)
+        stance, progress = scheduled_stance(gait, phases), phase_progress(gait, phases)
+    _follow_contacts(memory, body, now_ns, stance, progress)
+    _place_feet(robots[0], gait, rules[0], memory, body, command, stance, progress)
+    for foot in range(4):
+        output.contact[foot] = memory.touched[foot] and (stance[foot] or progress[foot] > 0.5)
+    _move_feet(gait, swings[0], memory, body, now_ns, stance, progress, output)
+    output.stamp_ns = now_ns
+    output.balancing = balancing
+    output.walking = memory.walking
+    output.cycle_start_ns = memory.cycle_start_ns
+    output.stance[:] = stance
+    output.foot_phase[:] = progress
+    output.foothold[:] = memory.foothold
+    output.late_contacts = memory.late_contacts
+    output.early_contacts = memory.early_contacts
+    output.lost_contacts = memory.lost_contacts
 
-    def _place_feet(self, touched: list[bool], stance: list[bool], progress: list[float]) -> None:
-        """Choose the footholds of the feet in the air, on the stance plane."""
-        searching = [foot for foot in range(4) if not touched[foot] and not stance[foot]]
-        if not searching:
-            return
-        body, swing_s = self._body, self._gait.swing_s
-        trunk = self._trunk_motion()
-        normal_x, normal_y, normal_z = body.plane_normal.tolist()
-        ground = float(body.position[2]) - trunk.height + self._foot_radius / normal_z
-        targets = self.state.foothold.reshape(4, 3)
-        for foot in searching:
-            remaining_s = (1.0 - progress[foot]) * swing_s
-            x, y = foothold(self._foothold, trunk, self._shoulders[foot], remaining_s, self._gait.stance_s)
-            drop = (normal_x * (x - trunk.x) + normal_y * (y - trunk.y)) / normal_z
-            targets[foot] = x, y, ground - drop
 
-    def _trunk_motion(self) -> TrunkMotion:
-        body, command = self._body, self._command
-        heading = yaw_of_quaternion(body.orientation)
-        cosine, sine = math.cos(heading), math.sin(heading)
-        forward, lateral = command.velocity.tolist()
-        x, y, _ = body.position.tolist()
-        velocity_x, velocity_y, _ = body.linear_velocity.tolist()
-        return TrunkMotion(
-            x,
-            y,
-            heading,
-            velocity_x,
-            velocity_y,
-            cosine * forward - sine * lateral,
-            sine * forward + cosine * lateral,
-            command.yaw_rate,
-            body.height,
-        )
+@compiled
+def _start_or_stop(
+    gait: GaitConfig, memory: GaitMemory, command: BodyCommand, now_ns: int, balancing: bool, active: bool
+) -> None:
+    speed = math.hypot(command.velocity[0], command.velocity[1])
+    wanted = active and (speed > STANDSTILL_MPS or abs(command.yaw_rate) > 10 * STANDSTILL_MPS)
+    if not balancing:
+        memory.walking = False
+        memory.touched[:] = True
+    elif not memory.walking:
+        if wanted:
+            memory.walking, memory.cycle_start_ns = True, now_ns
+            memory.touched[:] = True
+    elif now_ns - memory.cycle_start_ns >= gait.period_ns:
+        memory.cycle_start_ns += gait.period_ns
+        if not wanted:
+            memory.walking = False
+            memory.touched[:] = True
 
-    def _move_feet(self, now_ns: int, contact: list[bool], stance: list[bool], progress: list[float]) -> None:
-        """References of the feet in the air; a standing foot's is where it stands."""
-        memory, output = self.state, self._output
-        position, lift_off = memory.foothold.tolist(), memory.lift_off.tolist()
-        normal = self._body.plane_normal.tolist()
-        velocity, acceleration = [0.0] * 12, [0.0] * 12
-        swing_s, search_ns = self._gait.swing_s, memory.search_ns.tolist()
-        for foot in range(4):
-            if contact[foot]:
-                continue
-            s = 1.0 + (now_ns - search_ns[foot]) * 1e-9 / swing_s if stance[foot] else progress[foot]
-            xyz = slice(3 * foot, 3 * foot + 3)
-            position[xyz], velocity[xyz], acceleration[xyz] = foot_reference(
-                self._swing, lift_off[xyz], position[xyz], normal, s, swing_s
+
+@compiled
+def _follow_contacts(memory: GaitMemory, body: BodyState, now_ns: int, stance: Mask, progress: Array) -> None:
+    """Latch touchdowns; a foot lifts off at the start of its swing and touches down only late in it."""
+    for foot in range(4):
+        xyz = slice(3 * foot, 3 * foot + 3)
+        if not stance[foot] and memory.stance[foot]:
+            memory.touched[foot] = False
+            memory.lift_off[xyz] = body.foot_position[xyz]
+        elif stance[foot] and not memory.stance[foot]:
+            memory.search_ns[foot] = now_ns
+        if body.contact[foot]:
+            memory.loaded_ns[foot] = now_ns
+        unloaded_ns = now_ns - memory.loaded_ns[foot]
+        if memory.walking and memory.touched[foot] and stance[foot] and unloaded_ns > LOST_AFTER_NS:
+            memory.touched[foot] = False
+            memory.search_ns[foot] = now_ns
+            memory.lost_contacts += 1
+        elif body.contact[foot] and not memory.touched[foot] and (stance[foot] or progress[foot] > EARLIEST_TOUCHDOWN):
+            memory.touched[foot] = True
+            if stance[foot]:
+                memory.late_contacts += 1
+            else:
+                memory.early_contacts += 1
+        if memory.touched[foot]:
+            memory.foothold[xyz] = body.foot_position[xyz]
+        memory.stance[foot] = stance[foot]
+
+
+@compiled
+def _place_feet(
+    robot: Quadruped,
+    gait: GaitConfig,
+    rule: FootholdConfig,
+    memory: GaitMemory,
+    body: BodyState,
+    command: BodyCommand,
+    stance: Mask,
+    progress: Array,
+) -> None:
+    """Choose the footholds of the feet in the air, on the stance plane."""
+    trunk, normal = _trunk_motion(body, command), body.plane_normal
+    ground = body.position[2] - trunk.height + robot.foot_radius_m / normal[2]
+    for foot in range(4):
+        if memory.touched[foot] or stance[foot]:
+            continue
+        shoulder = FORWARD[foot] * robot.hip_x_m, LEFT[foot] * (robot.hip_y_m + robot.abad_length_m)
+        x, y = foothold(rule, trunk, shoulder, (1.0 - progress[foot]) * gait.swing_s, gait.stance_s)
+        drop = (normal[0] * (x - trunk.x) + normal[1] * (y - trunk.y)) / normal[2]
+        memory.foothold[3 * foot], memory.foothold[3 * foot + 1] = x, y
+        memory.foothold[3 * foot + 2] = ground - drop
+
+
+@compiled
+def _trunk_motion(body: BodyState, command: BodyCommand) -> TrunkMotion:
+    heading = yaw_of_quaternion(body.orientation)
+    cosine, sine = math.cos(heading), math.sin(heading)
+    forward, lateral = command.velocity[0], command.velocity[1]
+    return TrunkMotion(
+        body.position[0],
+        body.position[1],
+        heading,
+        body.linear_velocity[0],
+        body.linear_velocity[1],
+        cosine * forward - sine * lateral,
+        sine * forward + cosine * lateral,
+        command.yaw_rate,
+        body.height,
+    )
+
+
+@compiled
+def _move_feet(
+    gait: GaitConfig,
+    swing: SwingConfig,
+    memory: GaitMemory,
+    body: BodyState,
+    now_ns: int,
+    stance: Mask,
+    progress: Array,
+    output: Gait,
+) -> None:
+    """References of the feet in the air; a standing foot's is where it stands."""
+    for foot in range(4):
+        xyz = slice(3 * foot, 3 * foot + 3)
+        position, velocity, acceleration = memory.foothold[xyz].copy(), np.zeros(3), np.zeros(3)
+        if not output.contact[foot]:
+            s = progress[foot]
+            if stance[foot]:
+                s = 1.0 + (now_ns - memory.search_ns[foot]) * 1e-9 / gait.swing_s
+            position, velocity, acceleration = foot_reference(
+                swing, memory.lift_off[xyz], position, body.plane_normal, s, gait.swing_s
             )
-        output.swing_position, output.swing_velocity, output.swing_acceleration = position, velocity, acceleration
+        output.swing_position[xyz] = position
+        output.swing_velocity[xyz] = velocity
+        output.swing_acceleration[xyz] = acceleration

@@ -69,7 +69,7 @@ class JacobianTransposeLaw:
         contact = gait.contact[:, None]
         pull = config.swing_stiffness_n_pm * (gait.swing_position - body.foot_position)
         pull += config.swing_damping_ns_pm * (gait.swing_velocity - body.foot_velocity)
-        force = np.where(contact, -planned_force(self._forces, now_ns), pull.reshape(4, 3))
+        force = np.where(contact, -planned_force(self._forces.table[0], now_ns), pull.reshape(4, 3))
         output.stamp_ns = now_ns
         output.position = self._joints.position
         output.velocity = self._joint_rates(legs, rotation)

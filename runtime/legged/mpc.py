@@ -11,20 +11,23 @@ variables. Forces are expressed in the stance plane's axes, where the friction p
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from runtime.compiled import compiled
 from runtime.legged.friction import friction_pyramids
 from runtime.models.rigid_body import GRAVITY
 from runtime.models.rotations import rotation_z
-from runtime.models.vectors import skews
+from runtime.models.vectors import cross, solve_three, turned
 from runtime.optimization.qp import QpSolver
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+Slots = npt.NDArray[np.intp]
 Weight = Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
 Weights3 = tuple[Weight, Weight, Weight]
 
@@ -103,7 +106,7 @@ class CondensedProblem(NamedTuple):
     constraints: Array
     lower: Array
     upper: Array
-    slots: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]
+    slots: tuple[Slots, Slots]
 
 
 class TrunkMpc:
@@ -112,14 +115,12 @@ class TrunkMpc:
     def __init__(self, config: MpcConfig, solver: QpSolver) -> None:
         self.config = config
         self._solver = solver
-        self._sqrt_weight = np.sqrt(
-            np.concatenate(
-                (
-                    config.orientation_weight,
-                    config.position_weight,
-                    config.angular_velocity_weight,
-                    config.velocity_weight,
-                )
+        self._weight = np.concatenate(
+            (
+                config.orientation_weight,
+                config.position_weight,
+                config.angular_velocity_weight,
+                config.velocity_weight,
             )
         )
 
@@ -135,56 +136,80 @@ class TrunkMpc:
     def condense(self, horizon: Horizon) -> CondensedProblem:
         """The QP of a horizon (eq 25-31)."""
         config = self.config
-        free, response, slots = _prediction(horizon)
-        weighted = (response.reshape(-1, 12, response.shape[1]) * self._sqrt_weight[:, None]).reshape(response.shape)
-        error = ((free - horizon.reference) * self._sqrt_weight).ravel()
-        hessian = weighted.T @ weighted
-        hessian.flat[:: hessian.shape[0] + 1] += config.force_weight
-        feet = slots[0].shape[0]
+        hessian, gradient, step, foot = _condense(horizon, self._weight, config.force_weight)
         constraints, lower, upper = friction_pyramids(
-            feet, config.friction / np.sqrt(2.0), config.force_min_n, config.force_max_n
+            step.shape[0], config.friction / math.sqrt(2.0), config.force_min_n, config.force_max_n
         )
-        return CondensedProblem(hessian, error @ weighted, constraints, lower, upper, slots)
+        return CondensedProblem(hessian, gradient, constraints, lower, upper, (step, foot))
 
 
-def _prediction(horizon: Horizon) -> tuple[Array, Array, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
-    """Free response (N, 12) and forced response (12 N, n) of the stacked states, and the (step, foot) of each force.
+@compiled
+def _condense(horizon: Horizon, weight: Array, force_weight: float) -> tuple[Array, Array, Slots, Slots]:
+    """Hessian and gradient (eq 28-30), and the step and the foot of each force."""
+    step, foot = np.nonzero(horizon.stance)
+    free, response = _free_response(horizon), _forced_response(horizon, step, foot)
+    scale = np.sqrt(weight)
+    error = ((free - horizon.reference) * scale).ravel()
+    for row in range(response.shape[0]):
+        response[row] *= scale[row % 12]
+    hessian = response.T @ response
+    for row in range(hessian.shape[0]):
+        hessian[row, row] += force_weight
+    return hessian, error @ response, step, foot
+
+
+@compiled
+def _turns(horizon: Horizon) -> tuple[Array, Array]:
+    """T_z^T of each step (N, 3, 3), and its integral over time at the begin of each step and at the end, (N + 1, 3, 3).
+
+    The yaw of a step is the reference's at its begin.
+    """
+    steps = horizon.durations.shape[0]
+    turn, integral = np.empty((steps, 3, 3)), np.zeros((steps + 1, 3, 3))
+    for step in range(steps):
+        yaw = horizon.state[2] if step == 0 else horizon.reference[step - 1, 2]
+        turn[step] = rotation_z(yaw).T
+        integral[step + 1] = integral[step] + horizon.durations[step] * turn[step]
+    return turn, integral
+
+
+@compiled
+def _free_response(horizon: Horizon) -> Array:
+    """States (N, 12) at the ends of the steps without any force but gravity."""
+    state = horizon.state
+    _, integral = _turns(horizon)
+    free, end = np.empty_like(horizon.reference), 0.0
+    for step in range(free.shape[0]):
+        end += horizon.durations[step]
+        free[step, :3] = state[:3] + turned(integral[step + 1], state[6:9])
+        free[step, 3:6] = state[3:6] + end * state[9:]
+        free[step, 5] -= 0.5 * GRAVITY * end**2
+        free[step, 6:] = state[6:]
+        free[step, 11] -= GRAVITY * end
+    return free
+
+
+@compiled
+def _forced_response(horizon: Horizon, step: Slots, foot: Slots) -> Array:
+    """What the forces in plane axes add to the stacked states, (12 N, 3 n).
 
     A velocity change at step k moves the position at the end of step i by itself times (t_{i+1} - t_{k+1}) + dt_k / 2,
     exactly; angles likewise, through T_z^T of the steps in between.
     """
-    dt, state = horizon.durations, horizon.state
-    steps = dt.shape[0]
-    ends = np.cumsum(dt)
-    yaw = np.concatenate(([state[2]], horizon.reference[:-1, 2]))
-    turn = np.stack([rotation_z(angle).T for angle in yaw])
-    turned = np.concatenate((np.zeros((1, 3, 3)), np.cumsum(dt[:, None, None] * turn, axis=0)))
-
-    free = np.empty((steps, 12))
-    free[:, :3] = state[:3] + turned[1:] @ state[6:9]
-    free[:, 3:6] = state[3:6] + np.outer(ends, state[9:])
-    free[:, 5] -= 0.5 * GRAVITY * ends**2
-    free[:, 6:9] = state[6:9]
-    free[:, 9:] = state[9:]
-    free[:, 11] -= GRAVITY * ends
-
-    step, foot = np.nonzero(horizon.stance)
-    slots = step, foot
-    spin = rotation_z(state[2])
-    inverse_inertia = np.linalg.inv(spin @ horizon.inertia @ spin.T)
-    arm = skews(horizon.lever[slots])
-    gain = dt[step][:, None, None]
-    angular = gain * (inverse_inertia @ arm @ horizon.plane)
-    linear = gain * horizon.plane / horizon.mass
-
-    later = np.arange(steps)[:, None] >= step
-    half_turn = 0.5 * dt[step][:, None, None] * turn[step]
-    angle_gain = turned[1:, None] - turned[step + 1] + half_turn
-    position_gain = ends[:, None] - ends[step] + 0.5 * dt[step]
-    response = np.empty((steps, 12, step.shape[0], 3))
-    mask = later[:, :, None, None]
-    response[:, 0:3] = (mask * (angle_gain @ angular)).transpose(0, 2, 1, 3)
-    response[:, 3:6] = (mask * position_gain[:, :, None, None] * linear).transpose(0, 2, 1, 3)
-    response[:, 6:9] = (mask * angular).transpose(0, 2, 1, 3)
-    response[:, 9:12] = (mask * linear).transpose(0, 2, 1, 3)
-    return free, response.reshape(12 * steps, -1), slots
+    turn, integral = _turns(horizon)
+    steps, end, spin = turn.shape[0], np.cumsum(horizon.durations), rotation_z(horizon.state[2])
+    inertia = spin @ horizon.inertia @ spin.T
+    response = np.zeros((12 * steps, 3 * step.shape[0]))
+    for slot in range(step.shape[0]):
+        k, lever = step[slot], horizon.lever[step[slot], foot[slot]]
+        dt = horizon.durations[k]
+        for axis in range(3):
+            column, force = response[:, 3 * slot + axis], horizon.plane[:, axis]
+            angular, linear = dt * solve_three(inertia, cross(lever, force)), dt / horizon.mass * force
+            for i in range(k, steps):
+                gain = integral[i + 1] - integral[k + 1] + 0.5 * dt * turn[k]
+                column[12 * i : 12 * i + 3] = turned(gain, angular)
+                column[12 * i + 3 : 12 * i + 6] = (end[i] - end[k] + 0.5 * dt) * linear
+                column[12 * i + 6 : 12 * i + 9] = angular
+                column[12 * i + 9 : 12 * i + 12] = linear
+    return response

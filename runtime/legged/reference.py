@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from runtime.compiled import compiled
 from runtime.models.rotations import aligned_with_plane, roll_pitch_yaw
 
 Array = npt.NDArray[np.float64]
@@ -24,11 +26,6 @@ class Ground(NamedTuple):
     point: Array
     normal: Array
 
-    def height_at(self, xy: Array) -> Array:
-        """Height of the plane at horizontal positions (n, 2)."""
-        slope = self.normal[:2] / self.normal[2]
-        return np.asarray(self.point[2] - (xy - self.point[:2]) @ slope)
-
 
 class Demand(NamedTuple):
     """What is asked of the trunk: forward and lateral velocity along the plane, m/s, and yaw rate, rad/s."""
@@ -38,17 +35,27 @@ class Demand(NamedTuple):
     yaw_rate: float
 
 
+@compiled
+def height_of(ground: Ground, x: float, y: float) -> float:
+    """Height of the plane at a horizontal position."""
+    point, normal = ground.point, ground.normal
+    return float(point[2] - ((x - point[0]) * normal[0] + (y - point[1]) * normal[1]) / normal[2])
+
+
+@compiled
 def advanced(reference_xy: Array, present_xy: Array, velocity: Array, seconds: float, clamp_m: float) -> Array:
     """The horizontal reference moved on by its velocity, and drawn back to within `clamp_m` of the robot."""
     away = reference_xy + velocity * seconds - present_xy
-    return np.asarray(present_xy + away * min(1.0, clamp_m / max(float(np.hypot(away[0], away[1])), 1e-9)))
+    return present_xy + away * min(1.0, clamp_m / max(math.hypot(away[0], away[1]), 1e-9))
 
 
+@compiled
 def velocity_along(plane: Array, demand: Demand) -> Array:
     """The demanded velocity (3,) in odom, for plane axes whose x axis has the reference heading."""
-    return np.asarray(plane[:, 0] * demand.forward + plane[:, 1] * demand.lateral)
+    return plane[:, 0] * demand.forward + plane[:, 1] * demand.lateral
 
 
+@compiled
 def reference_states(
     begin_xy: Array, yaw: float, demand: Demand, ground: Ground, height_m: float, durations: Array
 ) -> Array:
@@ -62,18 +69,20 @@ def reference_states(
         height_m: of the centre of mass above the plane, along world z.
         durations: of the steps, (N,), s.
     """
-    ends = np.cumsum(durations)
     plane = aligned_with_plane(yaw, ground.normal)
-    turns = demand.yaw_rate * (ends - 0.5 * durations)
-    cosine, sine = np.cos(turns), np.sin(turns)
-    forward = cosine * demand.forward - sine * demand.lateral
-    lateral = sine * demand.forward + cosine * demand.lateral
-    velocity = np.outer(forward, plane[:, 0]) + np.outer(lateral, plane[:, 1])
-    states = np.zeros((durations.shape[0], 12))
-    states[:, 0], states[:, 1], _ = roll_pitch_yaw(plane)
-    states[:, 2] = yaw + demand.yaw_rate * ends
-    states[:, 3:5] = begin_xy + np.cumsum(velocity[:, :2] * durations[:, None], axis=0)
-    states[:, 5] = ground.height_at(states[:, 3:5]) + height_m
-    states[:, 8] = demand.yaw_rate
-    states[:, 9:] = velocity
+    roll, pitch, _ = roll_pitch_yaw(plane)
+    states, end = np.zeros((durations.shape[0], 12)), 0.0
+    x, y = begin_xy[0], begin_xy[1]
+    for step in range(durations.shape[0]):
+        turn = demand.yaw_rate * (end + 0.5 * durations[step])
+        cosine, sine = math.cos(turn), math.sin(turn)
+        forward = cosine * demand.forward - sine * demand.lateral
+        lateral = sine * demand.forward + cosine * demand.lateral
+        velocity = velocity_along(plane, Demand(forward, lateral, demand.yaw_rate))
+        end += durations[step]
+        x, y = x + velocity[0] * durations[step], y + velocity[1] * durations[step]
+        states[step, 0], states[step, 1], states[step, 2] = roll, pitch, yaw + demand.yaw_rate * end
+        states[step, 3], states[step, 4], states[step, 5] = x, y, height_of(ground, x, y) + height_m
+        states[step, 8] = demand.yaw_rate
+        states[step, 9:] = velocity
     return states

@@ -9,19 +9,22 @@ The six base rows determine delta_b, so it is eliminated and only the forces of 
 
 from __future__ import annotations
 
-from functools import cache
+import math
 from typing import Annotated, NamedTuple
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import lapack
 
+from runtime.compiled import compiled
 from runtime.legged.friction import friction_pyramids
+from runtime.models.vectors import turned
+from runtime.optimization.linear import solve_positive
 from runtime.optimization.qp import QpSolver
 
 Array = npt.NDArray[np.float64]
 Weight = Annotated[float, msgspec.Meta(gt=0.0, le=1e6)]
+SQRT_2 = math.sqrt(2.0)
 
 
 class RelaxationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -41,55 +44,72 @@ class RelaxationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     force_max_n: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] = 250.0
 
 
+class RelaxationProblem(NamedTuple):
+    """The QP in the forces of the standing feet, in plane axes, and delta_b = change x - demand.
+
+    Attributes:
+        hessian: (3 n, 3 n); gradient: (3 n,).
+        planned: f_mpc in plane axes, (3 n,).
+        change: (6, 3 n); demand: (6,).
+    """
+
+    hessian: Array
+    gradient: Array
+    planned: Array
+    change: Array
+    demand: Array
+
+
 class Relaxation(NamedTuple):
-    """Forces (n, 3) and body acceleration change (6,) that satisfy the base dynamics."""
+    """Forces in plane axes (3 n,) that satisfy the base dynamics with `RelaxationProblem.change`, and how good."""
 
     force: Array
-    delta_b: Array
     solved: bool
     residual: float
 
 
-def relax(
+@compiled
+def relaxation_problem(
     config: RelaxationConfig,
-    solver: QpSolver,
     base_inertia: Array,
     unbalanced: Array,
     base_jacobian: Array,
     planned: Array,
     plane: Array,
-) -> Relaxation:
-    """Solve for the forces of the standing feet.
+) -> RelaxationProblem:
+    """Eliminate delta_b.
 
     Args:
         config: weights and bounds.
-        solver: of the QP.
         base_inertia: M's base block, (6, 6).
         unbalanced: base rows of M ddq + h, (6,): the wrench that the feet have to supply.
         base_jacobian: base columns of the stacked contact Jacobian, (3 n, 6).
         planned: f_mpc, (n, 3), in odom.
         plane: columns are the tangents and the normal of the stance plane, (3, 3).
-
-    If the QP cannot be solved, the planned forces are kept and `solved` is false.
     """
     feet = planned.shape[0]
-    sides = np.empty((6, 3 * feet + 1))
-    sides[:, :-1] = (base_jacobian.reshape(feet, 3, 6).transpose(2, 0, 1) @ plane).reshape(6, -1)
-    sides[:, -1] = unbalanced
-    _, response, _ = lapack.dposv(base_inertia, sides)
-    change, demand = response[:, :-1], response[:, -1]
-    weighted = change * _weights(config.linear_weight, config.angular_weight)
-    planned_axes = (planned @ plane).ravel()
+    sides, in_plane = np.empty((6, 3 * feet + 1)), np.empty(3 * feet)
+    sides[:, 3 * feet] = unbalanced
+    for foot in range(feet):
+        xyz = slice(3 * foot, 3 * foot + 3)
+        in_plane[xyz] = turned(plane.T, planned[foot])
+        for row in range(6):
+            sides[row, xyz] = turned(plane.T, base_jacobian[xyz, row])
+    response = solve_positive(base_inertia, sides)
+    change, demand = response[:, : 3 * feet].copy(), response[:, 3 * feet].copy()
+    weighted = change.copy()
+    weighted[:3] *= config.linear_weight
+    weighted[3:] *= config.angular_weight
     hessian = weighted.T @ change
-    hessian.flat[:: hessian.shape[0] + 1] += config.force_weight
-    gradient = -(weighted.T @ demand) - config.force_weight * planned_axes
-    constraints, lower, upper = friction_pyramids(feet, config.friction / np.sqrt(2.0), 0.0, config.force_max_n)
-    solution = solver.solve(hessian, gradient, constraints, lower, upper)
-    chosen = solution.x if solution.solved else planned_axes
-    delta_b = change @ chosen - demand
-    return Relaxation(chosen.reshape(feet, 3) @ plane.T, delta_b, solution.solved, solution.residual)
+    for row in range(3 * feet):
+        hessian[row, row] += config.force_weight
+    gradient = -(demand @ weighted) - config.force_weight * in_plane
+    return RelaxationProblem(hessian, gradient, in_plane, change, demand)
 
 
-@cache
-def _weights(linear: float, angular: float) -> Array:
-    return np.repeat((linear, angular), 3)[:, None]
+def relax(config: RelaxationConfig, solver: QpSolver, problem: RelaxationProblem) -> Relaxation:
+    """Solve for the forces of the standing feet; if that fails, the planned ones are kept and `solved` is false."""
+    feet = problem.planned.shape[0] // 3
+    constraints, lower, upper = friction_pyramids(feet, config.friction / SQRT_2, 0.0, config.force_max_n)
+    solution = solver.solve(problem.hessian, problem.gradient, constraints, lower, upper)
+    return Relaxation(solution.x if solution.solved else problem.planned, solution.solved, solution.residual)

@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated
 
 import msgspec
+import numpy as np
+import numpy.typing as npt
 
-Vector = Sequence[float]
+from runtime.compiled import compiled
+from runtime.models.vectors import dot
+
+Array = npt.NDArray[np.float64]
 
 
 class SwingConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -27,6 +31,7 @@ class SwingConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reach_below_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.2)] = 0.1
 
 
+@compiled
 def _quintic(begin: float, end: float, end_rate: float, s: float) -> tuple[float, float, float]:
     """Value, rate and curvature at s in [0, 1] of the quintic from rest at `begin` to `end` with a final rate."""
     rise = end - begin
@@ -38,10 +43,11 @@ def _quintic(begin: float, end: float, end_rate: float, s: float) -> tuple[float
     )
 
 
+@compiled
 def foot_reference(
-    config: SwingConfig, lift_off: Vector, foothold: Vector, normal: Vector, progress: float, duration_s: float
-) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
-    """Position, velocity and acceleration references (3 each) of a foot, in odom.
+    config: SwingConfig, lift_off: Array, foothold: Array, normal: Array, progress: float, duration_s: float
+) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration references (3,) each of a foot, in odom.
 
     Along the ground the motion is minimum-jerk; the height along `normal` rises to the apex at mid-swing and comes down
     to meet the foothold at the touchdown speed.
@@ -58,8 +64,8 @@ def foot_reference(
         return _search(config, foothold, normal, (progress - 1.0) * duration_s)
     s, ds, dds = _quintic(0.0, 1.0, 0.0, progress)
     ds, dds = ds / duration_s, dds / duration_s**2
-    travel = [end - begin for begin, end in zip(lift_off, foothold, strict=True)]
-    rise = sum(step * n for step, n in zip(travel, normal, strict=True))
+    travel = foothold - lift_off
+    rise = dot(travel, normal)
     apex = max(rise, 0.0) + config.height_m
     half = 0.5 * duration_s
     if progress < 0.5:
@@ -67,22 +73,13 @@ def foot_reference(
     else:
         z, dz, ddz = _quintic(apex, rise, -config.touchdown_speed_mps * half, 2 * progress - 1)
     dz, ddz = dz / half, ddz / half**2
-    along = [step - rise * n for step, n in zip(travel, normal, strict=True)]
-    return (
-        tuple(p + s * a + z * n for p, a, n in zip(lift_off, along, normal, strict=True)),
-        tuple(ds * a + dz * n for a, n in zip(along, normal, strict=True)),
-        tuple(dds * a + ddz * n for a, n in zip(along, normal, strict=True)),
-    )
+    along = travel - rise * normal
+    return lift_off + s * along + z * normal, ds * along + dz * normal, dds * along + ddz * normal
 
 
-def _search(
-    config: SwingConfig, foothold: Vector, normal: Vector, late_s: float
-) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+@compiled
+def _search(config: SwingConfig, foothold: Array, normal: Array, late_s: float) -> tuple[Array, Array, Array]:
     """The ground is late: go on downwards, and hold at the end of the reach."""
     depth = min(config.search_speed_mps * late_s, config.reach_below_m)
     speed = config.search_speed_mps if depth < config.reach_below_m else 0.0
-    return (
-        tuple(p - depth * n for p, n in zip(foothold, normal, strict=True)),
-        tuple(-speed * n for n in normal),
-        (0.0, 0.0, 0.0),
-    )
+    return foothold - depth * normal, -speed * normal, np.zeros(3)

@@ -3,23 +3,21 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from typing import Annotated
+from collections.abc import Sequence
+from functools import partial
+from typing import Annotated, NamedTuple
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from runtime.legged.cascade import MotionTask, prioritised_motion
-from runtime.legged.relaxation import RelaxationConfig, relax
+from runtime.compiled import compiled, table_of
+from runtime.legged.cascade import prioritised_motion
+from runtime.legged.relaxation import Relaxation, RelaxationConfig, RelaxationProblem, relax, relaxation_problem
 from runtime.models.quadruped import Quadruped
-from runtime.models.rigid_body import GRAVITY, RigidBody
-from runtime.models.rotations import (
-    aligned_with_plane,
-    matrix_of_quaternion,
-    rotation_vector,
-)
-from runtime.models.vectors import skew, solve_three, total_moment
+from runtime.models.rigid_body import GRAVITY, RigidBody, RigidBodyState, point_jacobians
+from runtime.models.rotations import aligned_with_plane, rotation_vector
+from runtime.models.vectors import cross, solve_three, total_moment, turned
 from runtime.optimization.qp import QpSolver
 from runtime.signals import BodyState, ContactForces, Gait, JointCommand, JointState
 
@@ -54,15 +52,22 @@ class WholeBodyConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     swing_joint_damping_nms_prad: JointDamping = 0.8
 
 
-_TURNING, _MOVING = np.zeros((3, 18)), np.zeros((3, 18))
-_TURNING[:, 3:6] = _MOVING[:, :3] = np.eye(3)
+class WholeBodyDemand(NamedTuple):
+    """What the tasks ask of the joints and of the standing feet.
 
+    Attributes:
+        motion: position change, velocity and acceleration of the generalised coordinates, (18, 3).
+        wrench: generalised forces M ddq + h, (18,).
+        jacobian: of the n contact points, (3 n, 18).
+        plane: columns are the tangents and the normal of the stance plane, (3, 3).
+        problem: of the forces.
+    """
 
-def planned_force(forces: ContactForces, now_ns: int) -> Array:
-    """The plan's forces (4, 3) at a time."""
-    knots = forces.knot_ns.tolist()
-    step = min(max(bisect_right(knots, now_ns) - 1, 0), len(knots) - 2)
-    return forces.force.reshape(-1, 4, 3)[step]
+    motion: Array
+    wrench: Array
+    jacobian: Array
+    plane: Array
+    problem: RelaxationProblem
 
 
 class WholeBodyLaw:
@@ -87,111 +92,203 @@ class WholeBodyLaw:
         forces: ContactForces,
         output: JointCommand,
     ) -> None:
-        self._config, self._solver = config, solver
-        self._body, self._joints, self._gait, self._forces, self._output = body, joints, gait, forces, output
+        self._relaxation, self._solver = config.relaxation, solver
+        self._body, self._joints, self._output = body, joints, output
         self._model = RigidBody(description)
-        self._foot_radius = description.foot_radius_m
+        gains, state = table_of(config), self._model.state.table
+        self._demand = partial(
+            _demand,
+            gains,
+            table_of(config.relaxation),
+            table_of(description),
+            state,
+            body.table,
+            gait.table,
+            forces.table,
+        )
+        self._write = partial(_write, gains, state, gait.table, joints.table, output.table)
 
     def command(self, now_ns: int) -> bool:
         """Write one command for every joint; false if the force QP failed and the planned forces were used."""
-        body, joints, gait, model = self._body, self._joints, self._gait, self._model
-        rotation = matrix_of_quaternion(body.orientation)
-        spin = rotation @ body.angular_velocity
-        model.update(
-            body.position, body.orientation, rotation, body.linear_velocity, spin, joints.position, joints.velocity
+        body, joints, output = self._body, self._joints, self._output
+        self._model.update(
+            body.position,
+            body.orientation,
+            body.linear_velocity,
+            body.angular_velocity,
+            joints.position,
+            joints.velocity,
         )
-        ahead_s = (now_ns - self._forces.stamp_ns) * 1e-9
-        yaw = self._forces.reference_orientation[2] + self._forces.reference_yaw_rate * ahead_s
-        plane = aligned_with_plane(yaw, body.plane_normal)
-        contact = gait.contact
-        # a round foot rolls: what rests is the point below its centre
-        levers = contact[:, None] * (-self._foot_radius * plane[:, 2])
-        points = model.foot_position + levers
-        jacobians = model.point_jacobians(points)
-        planned = planned_force(self._forces, now_ns) * contact[:, None]
-        standing, flying = np.flatnonzero(contact), np.flatnonzero(~contact)
+        demand = self._demand(now_ns)
+        answer = AIRBORNE
+        if demand.jacobian.size:
+            answer = relax(self._relaxation, self._solver, demand.problem)
+        output.stamp_ns, output.qp_residual = now_ns, answer.residual
+        self._write(demand, answer.force)
+        return answer.solved
 
-        tasks = self._body_tasks(ahead_s, rotation, spin, plane, planned, points)
-        if standing.size:
-            tasks.insert(0, self._contact_task(jacobians[standing], standing, levers))
-        if flying.size:
-            tasks.append(self._swing_task(jacobians[flying], flying))
-        motion = prioritised_motion(tasks)
-        torque, solved = self._torque(motion[:, 2], jacobians[standing].reshape(-1, 18), planned[standing], plane)
-        self._write(now_ns, motion, torque, contact)
-        return solved
 
-    def _torque(self, acceleration: Array, jacobian: Array, planned: Array, plane: Array) -> tuple[Array, bool]:
-        """Joint torques (12,) by inverse dynamics (eq 43), after the force QP; and whether that succeeded."""
-        model, output = self._model, self._output
-        wrench = model.mass_matrix @ acceleration + model.bias
-        if not planned.size:
-            return wrench[6:], True
-        answer = relax(
-            self._config.relaxation,
-            self._solver,
-            model.mass_matrix[:6, :6],
-            wrench[:6],
-            jacobian[:, :6],
-            planned,
-            plane,
+AIRBORNE = Relaxation(np.zeros(0), True, 0.0)
+"""With no foot on the ground there are no forces to find."""
+
+
+@compiled
+def planned_force(forces: ContactForces, now_ns: int) -> Array:
+    """The plan's forces (4, 3) at a time."""
+    step, last = 0, forces.knot_ns.shape[0] - 2
+    while step < last and forces.knot_ns[step + 1] <= now_ns:
+        step += 1
+    return forces.force[12 * step : 12 * step + 12].reshape(4, 3)
+
+
+@compiled
+def _demand(
+    configs: Sequence[WholeBodyConfig],
+    relaxations: Sequence[RelaxationConfig],
+    robots: Sequence[Quadruped],
+    states: Sequence[RigidBodyState],
+    bodies: Sequence[BodyState],
+    gaits: Sequence[Gait],
+    plans: Sequence[ContactForces],
+    now_ns: int,
+) -> WholeBodyDemand:
+    """Stack the tasks in their order, solve the cascade, and pose the problem of the forces."""
+    config, state, gait, plan = configs[0], states[0], gaits[0], plans[0]
+    ahead_s = (now_ns - plan.stamp_ns) * 1e-9
+    yaw = plan.reference_orientation[2] + plan.reference_yaw_rate * ahead_s
+    plane = aligned_with_plane(yaw, bodies[0].plane_normal)
+    standing, flying = np.flatnonzero(gait.contact), np.flatnonzero(gait.contact == 0)
+    # a round foot rolls: what rests is the point below its centre
+    lever = -robots[0].foot_radius_m * plane[:, 2]
+    points, planned = state.foot_position.reshape(4, 3).copy(), np.empty((standing.size, 3))
+    for row, foot in enumerate(standing):
+        points[foot] += lever
+        planned[row] = planned_force(plan, now_ns)[foot]
+    jacobians = point_jacobians(state, points)
+
+    count = 3 * standing.size
+    jacobian, demand = np.zeros((18, 18)), np.zeros((18, 3))
+    for row, foot in enumerate(standing):
+        _contact_task(state, int(foot), lever, jacobians, jacobian, demand, 3 * row)
+    _rotation_task(config, state, plan, plane, planned, points[standing], jacobian, demand, count)
+    _translation_task(config, state, plan, ahead_s, planned, robots[0].mass_kg, jacobian, demand, count + 3)
+    for row, foot in enumerate(flying):
+        _swing_task(config, state, gait, int(foot), jacobians, jacobian, demand, count + 6 + 3 * row)
+    motion = prioritised_motion(jacobian, demand)
+
+    mass, contact_jacobian = state.mass_matrix.reshape(18, 18), jacobian[:count]
+    wrench = mass @ motion[:, 2].copy() + state.bias
+    problem = relaxation_problem(relaxations[0], mass[:6, :6], wrench[:6], contact_jacobian[:, :6], planned, plane)
+    return WholeBodyDemand(motion, wrench, contact_jacobian, plane, problem)
+
+
+@compiled
+def _contact_task(
+    state: RigidBodyState, foot: int, lever: Array, jacobians: Array, jacobian: Array, demand: Array, row: int
+) -> None:
+    """Priority 0: no motion at a contact point."""
+    xyz, rows = slice(3 * foot, 3 * foot + 3), slice(row, row + 3)
+    jacobian[rows] = jacobians[foot]
+    demand[rows, 2] = -(state.foot_drift[xyz] + cross(state.shank_drift[xyz], lever))
+
+
+@compiled
+def _rotation_task(
+    config: WholeBodyConfig,
+    state: RigidBodyState,
+    plan: ContactForces,
+    plane: Array,
+    planned: Array,
+    points: Array,
+    jacobian: Array,
+    demand: Array,
+    row: int,
+) -> None:
+    """Priority 1: the trunk's orientation, with the planned forces' angular acceleration as feed-forward."""
+    error = rotation_vector(plane @ state.rotation.reshape(3, 3).T)
+    rate = np.array([0.0, 0.0, plan.reference_yaw_rate])
+    moment = total_moment(points - state.center_of_mass, planned)
+    acceleration = solve_three(state.inertia.reshape(3, 3), moment)
+    acceleration += config.rotation_stiffness * error + config.rotation_damping * (rate - state.velocity[3:6])
+    for axis in range(3):
+        jacobian[row + axis, 3 + axis] = 1.0
+        demand[row + axis, 0], demand[row + axis, 1] = error[axis], rate[axis]
+        demand[row + axis, 2] = acceleration[axis]
+
+
+@compiled
+def _translation_task(
+    config: WholeBodyConfig,
+    state: RigidBodyState,
+    plan: ContactForces,
+    ahead_s: float,
+    planned: Array,
+    mass_kg: float,
+    jacobian: Array,
+    demand: Array,
+    row: int,
+) -> None:
+    """Priority 2: the trunk's position, with the planned forces' linear acceleration as feed-forward."""
+    velocity = plan.reference_velocity
+    error = plan.reference_position + velocity * ahead_s - state.center_of_mass
+    acceleration = planned.sum(axis=0) / mass_kg
+    acceleration[2] -= GRAVITY
+    acceleration += config.translation_stiffness * error
+    acceleration += config.translation_damping * (velocity - state.com_velocity)
+    for axis in range(3):
+        jacobian[row + axis, axis] = 1.0
+        demand[row + axis, 0], demand[row + axis, 1] = error[axis], velocity[axis]
+        demand[row + axis, 2] = acceleration[axis]
+
+
+@compiled
+def _swing_task(
+    config: WholeBodyConfig,
+    state: RigidBodyState,
+    gait: Gait,
+    foot: int,
+    jacobians: Array,
+    jacobian: Array,
+    demand: Array,
+    row: int,
+) -> None:
+    """Priority 3: a foot in the air follows its reference."""
+    xyz, rows = slice(3 * foot, 3 * foot + 3), slice(row, row + 3)
+    error = gait.swing_position[xyz] - state.foot_position[xyz]
+    slip = gait.swing_velocity[xyz] - jacobians[foot] @ state.velocity
+    jacobian[rows] = jacobians[foot]
+    demand[rows, 0], demand[rows, 1] = error, gait.swing_velocity[xyz]
+    demand[rows, 2] = gait.swing_acceleration[xyz] - state.foot_drift[xyz]
+    demand[rows, 2] += config.swing_stiffness * error + config.swing_damping * slip
+
+
+@compiled
+def _write(
+    configs: Sequence[WholeBodyConfig],
+    states: Sequence[RigidBodyState],
+    gaits: Sequence[Gait],
+    all_joints: Sequence[JointState],
+    outputs: Sequence[JointCommand],
+    demand: WholeBodyDemand,
+    force: Array,
+) -> None:
+    """Eq 41, 43 and 44: joint torques by inverse dynamics, targets and gains for the drives' own loops."""
+    config, contact, output = configs[0], gaits[0].contact, outputs[0]
+    mass, torque = states[0].mass_matrix.reshape(18, 18), demand.wrench[6:].copy()
+    if force.size:
+        delta_b = demand.problem.change @ force - demand.problem.demand
+        for joint in range(12):
+            torque[joint] += mass[6 + joint, :6] @ delta_b
+        for foot in range(force.size // 3):
+            xyz = slice(3 * foot, 3 * foot + 3)
+            torque -= turned(demand.plane, force[xyz]) @ demand.jacobian[xyz, 6:].copy()
+        output.relaxation[:] = delta_b
+    output.effort[:] = torque
+    output.position[:] = all_joints[0].position + demand.motion[6:, 0]
+    output.velocity[:] = demand.motion[6:, 1]
+    for joint in range(12):
+        stands = contact[joint // 3]
+        output.stiffness[joint] = (
+            config.stance_joint_stiffness_nm_prad if stands else config.swing_joint_stiffness_nm_prad
         )
-        output.relaxation, output.qp_residual = answer.delta_b, answer.residual
-        torque = wrench[6:] + model.mass_matrix[6:, :6] @ answer.delta_b - answer.force.ravel() @ jacobian[:, 6:]
-        return torque, answer.solved
-
-    def _contact_task(self, jacobians: Array, standing: npt.NDArray[np.intp], levers: Array) -> MotionTask:
-        """Priority 0: no motion at the contact points."""
-        model = self._model
-        drift = model.foot_drift[standing] + model.shank_drift[standing] @ skew(levers[standing[0]])
-        demand = np.zeros((3 * standing.size, 3))
-        demand[:, 2] = -drift.ravel()
-        return MotionTask(jacobians.reshape(-1, 18), demand)
-
-    def _body_tasks(
-        self, ahead_s: float, rotation: Array, spin: Array, plane: Array, planned: Array, points: Array
-    ) -> list[MotionTask]:
-        """Priorities 1 and 2: body rotation, then body translation.
-
-        The feed-forward is the acceleration that the planned forces give the trunk as a single rigid body.
-        """
-        config, model, forces = self._config, self._model, self._forces
-        turning, moving = np.zeros((3, 3)), np.zeros((3, 3))
-        turning[:, 0] = rotation_vector(plane @ rotation.T)
-        turning[2, 1] = forces.reference_yaw_rate
-        turning[:, 2] = solve_three(model.inertia, total_moment(points - model.center_of_mass, planned))
-        turning[:, 2] += config.rotation_stiffness * turning[:, 0] + config.rotation_damping * (turning[:, 1] - spin)
-
-        velocity = forces.reference_velocity
-        moving[:, 0] = forces.reference_position + velocity * ahead_s - model.center_of_mass
-        moving[:, 1] = velocity
-        moving[:, 2] = planned.sum(axis=0) / model.mass_kg
-        moving[2, 2] -= GRAVITY
-        moving[:, 2] += config.translation_stiffness * moving[:, 0]
-        moving[:, 2] += config.translation_damping * (velocity - model.com_velocity)
-        return [MotionTask(_TURNING, turning), MotionTask(_MOVING, moving)]
-
-    def _swing_task(self, jacobians: Array, flying: npt.NDArray[np.intp]) -> MotionTask:
-        """Priority 3: feet in the air follow their references."""
-        config, model, gait = self._config, self._model, self._gait
-        jacobian = jacobians.reshape(-1, 18)
-        demand = np.empty((3 * flying.size, 3))
-        demand[:, 0] = (gait.swing_position.reshape(4, 3)[flying] - model.foot_position[flying]).ravel()
-        demand[:, 1] = gait.swing_velocity.reshape(4, 3)[flying].ravel()
-        demand[:, 2] = (gait.swing_acceleration.reshape(4, 3)[flying] - model.foot_drift[flying]).ravel()
-        demand[:, 2] += config.swing_stiffness * demand[:, 0]
-        demand[:, 2] += config.swing_damping * (demand[:, 1] - jacobian @ model.velocity)
-        return MotionTask(jacobian, demand)
-
-    def _write(self, now_ns: int, motion: Array, torque: Array, contact: npt.NDArray[np.bool_]) -> None:
-        """Eq 41 and 44: targets and gains for the drives' own loops."""
-        config, output = self._config, self._output
-        standing = np.repeat(contact, 3)
-        output.stamp_ns = now_ns
-        output.position = self._joints.position + motion[6:, 0]
-        output.velocity = motion[6:, 1]
-        output.effort = torque
-        output.stiffness = np.where(
-            standing, config.stance_joint_stiffness_nm_prad, config.swing_joint_stiffness_nm_prad
-        )
-        output.damping = np.where(standing, config.stance_joint_damping_nms_prad, config.swing_joint_damping_nms_prad)
+        output.damping[joint] = config.stance_joint_damping_nms_prad if stands else config.swing_joint_damping_nms_prad

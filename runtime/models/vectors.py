@@ -1,46 +1,66 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cross products of three-vectors, fast for the few at a time that a control tick needs."""
+"""Cross products and the like of three-vectors."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
+from runtime.compiled import compiled
+
 Array = npt.NDArray[np.float64]
 
-_SKEW = np.zeros((3, 9))
-_SKEW[0, 7] = _SKEW[1, 2] = _SKEW[2, 3] = 1.0
-_SKEW[0, 5] = _SKEW[1, 6] = _SKEW[2, 1] = -1.0
+
+@compiled
+def dot(a: Array, b: Array) -> float:
+    """Scalar product of two vectors (3,)."""
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
+@compiled
+def turned(matrix: Array, vector: Array) -> Array:
+    """Product of a matrix (3, 3) and a vector (3,)."""
+    x, y, z = vector[0], vector[1], vector[2]
+    return np.array(
+        [
+            matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
+            matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
+            matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z,
+        ]
+    )
+
+
+@compiled
 def cross(a: Array, b: Array) -> Array:
     """Cross product of two vectors (3,)."""
-    ax, ay, az = a.tolist()
-    bx, by, bz = b.tolist()
+    ax, ay, az = a[0], a[1], a[2]
+    bx, by, bz = b[0], b[1], b[2]
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
+@compiled
 def skew(vector: Array) -> Array:
     """Cross-product matrix (3, 3) of a: times a column b it gives a x b, and a row b times it gives b x a."""
-    x, y, z = vector.tolist()
+    x, y, z = vector[0], vector[1], vector[2]
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def skews(vectors: Array) -> Array:
-    """The same for vectors (n, 3), (n, 3, 3)."""
-    return (vectors @ _SKEW).reshape(-1, 3, 3)
-
-
+@compiled
 def total_moment(arms: Array, forces: Array) -> Array:
     """Sum of arm x force over the rows of two arrays (n, 3)."""
-    (_, xy, xz), (yx, _, yz), (zx, zy, _) = (arms.T @ forces).tolist()
-    return np.array([yz - zy, zx - xz, xy - yx])
+    moment = np.zeros(3)
+    for row in range(arms.shape[0]):
+        moment += cross(arms[row], forces[row])
+    return moment
 
 
+@compiled
 def solve_three(matrix: Array, right: Array) -> Array:
     """Solution x of matrix x = right, 3 by 3 and regular, by cofactors."""
-    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
-    x, y, z = right.tolist()
+    a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
+    d, e, f = matrix[1, 0], matrix[1, 1], matrix[1, 2]
+    g, h, i = matrix[2, 0], matrix[2, 1], matrix[2, 2]
+    x, y, z = right[0], right[1], right[2]
     ei, fg, dh = e * i - f * h, f * g - d * i, d * h - e * g
     scale = 1.0 / (a * ei + b * fg + c * dh)
     return np.array(

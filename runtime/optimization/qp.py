@@ -18,7 +18,9 @@ from typing import Any, NamedTuple, Protocol
 import daqp
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import lapack
+
+from runtime.compiled import compiled
+from runtime.optimization.linear import solve_positive
 
 Array = npt.NDArray[np.float64]
 
@@ -92,36 +94,38 @@ def relative_residual(
     return max(parts) if math.isfinite(sum(parts)) else math.inf
 
 
-def _is_finite(hessian: Array, gradient: Array) -> bool:
-    """Whether the data are finite (a sum of finite numbers of the sizes that occur is)."""
-    return math.isfinite(float(hessian.sum() + gradient.sum()))
-
-
+@compiled
 def interior_solution(
     hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array
-) -> QpSolution | None:
+) -> tuple[bool, Array, float]:
     """The unconstrained minimiser, if the Hessian is positive definite and no bound stands in its way.
 
     Most problems of a walking robot are of this kind, and a Cholesky factorisation is all that they cost.
+
+    Returns:
+        Whether it is the answer, and if so itself and its residual.
     """
-    _, x, flaw = lapack.dposv(hessian, -gradient)
-    if flaw:
-        return None
+    size = gradient.shape[0]
+    x = solve_positive(hessian, -gradient.reshape(size, 1))[:, 0].copy()
     values = np.concatenate((x, constraints @ x))
-    if not (float((upper - values).min()) >= 0.0 and float((values - lower).min()) >= 0.0):
-        return None
+    inside = (values <= upper).all() and (values >= lower).all()
+    if not inside:
+        return False, x, math.inf
     stationarity = hessian @ x + gradient
-    residual = float(np.abs(stationarity).max()) / (1.0 + float(np.abs(gradient).max()))
-    return QpSolution(x, residual < RESIDUAL_TOLERANCE, residual, 0, 0.5 * float(gradient @ x))
+    return True, x, np.abs(stationarity).max() / (1.0 + np.abs(gradient).max())
 
 
 def settled_without_solver(
     hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array
 ) -> QpSolution | None:
     """What needs no solver: the refusal of data that are not finite, or an interior solution."""
-    if not _is_finite(hessian, gradient):
+    inside, x, residual = interior_solution(hessian, gradient, constraints, lower, upper)
+    if inside:
+        return QpSolution(x, residual < RESIDUAL_TOLERANCE, residual, 0, 0.5 * float(gradient @ x))
+    # the sum of finite numbers of the sizes that occur is finite
+    if not math.isfinite(float(hessian.sum() + gradient.sum())):
         return QpSolution(np.zeros_like(gradient), False, math.inf, 0, math.nan)
-    return interior_solution(hessian, gradient, constraints, lower, upper)
+    return None
 
 
 class Daqp:

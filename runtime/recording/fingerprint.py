@@ -14,7 +14,7 @@ import numpy as np
 
 _FEATURES = ("sse4_2", "avx", "avx2", "fma", "avx512f", "avx512dq", "avx512vl", "asimd", "sve")
 """Instruction sets by which numerical libraries choose their kernels."""
-_NUMERICAL = ("numpy", "pin", "eigenpy", "proxsuite", "daqp", "libpinocchio", "libcoal")
+_NUMERICAL = ("numpy", "pin", "eigenpy", "proxsuite", "daqp", "libpinocchio", "libcoal", "numba", "llvmlite")
 _OTHERS = ("mujoco", "mcap", "rosbags", "msgspec", "python-can", "eclipse-zenoh", "ugv-runtime")
 
 

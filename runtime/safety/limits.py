@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from runtime.compiled import compiled
 from runtime.errors import ConfigError
 from runtime.signals import BodyState, Fault, Imu, JointCommand, JointState
 
@@ -77,23 +78,26 @@ def joint_bounds(config: SafetyConfig) -> tuple[Array, Array]:
     return np.concatenate((low, right_low) * 2), np.concatenate((high, right_high) * 2)
 
 
+@compiled
 def tilt(orientation: Array) -> float:
     """Angle between the trunk's z axis and the vertical, rad; NaN if the orientation is not finite."""
-    x, y, z, w = orientation.tolist()
-    if not all(map(math.isfinite, (x, y, z, w))):
+    if not np.isfinite(orientation).all():
         return math.nan
+    x, y = orientation[0], orientation[1]
     return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
 
 
+@compiled
 def is_finite_sample(imu: Imu) -> bool:
     """Whether every number of an inertial sample is finite."""
-    return all(map(math.isfinite, imu.angular_velocity.tolist() + imu.linear_acceleration.tolist()))
+    return bool(np.isfinite(imu.angular_velocity).all() and np.isfinite(imu.linear_acceleration).all())
 
 
+@compiled
 def sensor_faults(
     config: SafetyConfig, now_ns: int, imu_ns: int, joints: JointState, body: BodyState, voltage: float
-) -> Fault:
-    """What is wrong with the inputs.
+) -> int:
+    """What is wrong with the inputs, as bits of `Fault`.
 
     Args:
         config: limits.
@@ -106,16 +110,14 @@ def sensor_faults(
     found = 0
     if now_ns - imu_ns > config.imu_age_max_ns:
         found |= Fault.STALE_IMU.value
-    oldest_ns = min(joints.reply_ns.tolist())
+    oldest_ns = joints.reply_ns.min()
     if oldest_ns == 0 or now_ns - oldest_ns > config.motor_age_max_ns:
         found |= Fault.STALE_MOTOR.value
-    if any(joints.error.tolist()):
+    if joints.error.any():
         found |= Fault.MOTOR_FAULT.value
-    limit = config.temperature_max_degc
-    if any(temperature > limit for temperature in joints.temperature.tolist()):
+    if (joints.temperature > config.temperature_max_degc).any():
         found |= Fault.TEMPERATURE.value
-    fastest = config.velocity_max_radps
-    if not all(-fastest <= velocity <= fastest for velocity in joints.velocity.tolist()):
+    if not (np.abs(joints.velocity) <= config.velocity_max_radps).all():
         found |= Fault.JOINT_VELOCITY.value
     if voltage > 0.0 and not config.voltage_min_v <= voltage <= config.voltage_max_v:
         found |= Fault.VOLTAGE.value
@@ -123,10 +125,26 @@ def sensor_faults(
         found |= Fault.STALE_LOCALIZATION.value
     if not tilt(body.orientation) <= config.tilt_max_rad:
         found |= Fault.TILT.value
-    return Fault(found)
+    return found
 
 
+@compiled
 def is_finite(command: JointCommand) -> bool:
     """Whether every number of a command is finite."""
-    parts = (command.position, command.velocity, command.effort, command.stiffness, command.damping)
-    return all(all(map(math.isfinite, part.tolist())) for part in parts)
+    return bool(
+        np.isfinite(command.position).all()
+        and np.isfinite(command.velocity).all()
+        and np.isfinite(command.effort).all()
+        and np.isfinite(command.stiffness).all()
+        and np.isfinite(command.damping).all()
+    )
+
+
+@compiled
+def within(wanted: Array, low: Array, high: Array, limited: Array) -> int:
+    """Put the values within their bounds into `limited`; returns how many had to be altered."""
+    altered = 0
+    for row in range(wanted.shape[0]):
+        limited[row] = min(max(wanted[row], low[row]), high[row])
+        altered += limited[row] != wanted[row]
+    return altered

@@ -70,7 +70,7 @@ def test_mass_matrix_and_bias_are_the_controllers(seed):
     data.qpos[:3], data.qpos[3:7], data.qpos[7:] = position, quaternion[[3, 0, 1, 2]], angles
     data.qvel[:3], data.qvel[3:6], data.qvel[6:] = linear, rotation.T @ angular, rates
     mujoco.mj_forward(sim.model, data)
-    body.update(position, quaternion, rotation, linear, angular, angles, rates)
+    body.update(position, quaternion, linear, rotation.T @ angular, angles, rates)
     to_mujoco = np.eye(18)
     to_mujoco[3:6, 3:6] = rotation.T
     np.testing.assert_allclose(body.mass_matrix, to_mujoco.T @ dense_mass(sim.model, data) @ to_mujoco, atol=1e-10)

@@ -5,6 +5,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from drivers.addressing import Rejection
 from drivers.can_frame import FRAME_WORDS
@@ -13,7 +15,7 @@ from drivers.errors import DriverConfigError
 from drivers.joint_group import REJECTED, JointGroup, Readings
 from drivers.joints import Joint
 from drivers.memory_bus import End, MemoryBus
-from sim_bridge.drive_model import DriveModel, TorqueSpeedCurve
+from sim_bridge.drive_model import DriveModel, available_torque
 from sim_bridge.virtual_drive import VirtualDrives
 
 RANGES = Ranges((-12.5, 12.5), (-65.0, 65.0), (-40.0, 40.0), (0.0, 500.0), (0.0, 5.0))
@@ -299,16 +301,11 @@ def test_voltage_is_reported_where_the_dialect_has_it():
     assert replies.view(FRAME_WORDS)["word"][0] >> 8 & 0xFF == 48
 
 
-def test_limiting_never_depends_on_the_other_motors():
-    curve = TorqueSpeedCurve([MODEL] * 3)
-    generator = np.random.default_rng(0)
-    for _ in range(500):
-        torque, velocity = generator.uniform(-40, 40, 3), generator.uniform(-30, 30, 3)
-        upper = np.clip(33.0 * (1 - velocity / 25.0), 0.0, 33.0)
-        lower = np.clip(33.0 * (-1 - velocity / 25.0), -33.0, 0.0)
-        limited = torque.copy()
-        curve.limit(limited, velocity)
-        np.testing.assert_allclose(limited, np.clip(torque, lower, upper), atol=1e-12)
+@given(st.floats(-40, 40), st.floats(-30, 30))
+def test_torque_is_limited_in_the_sense_of_motion(torque, velocity):
+    upper = np.clip(33.0 * (1 - velocity / 25.0), 0.0, 33.0)
+    lower = np.clip(33.0 * (-1 - velocity / 25.0), -33.0, 0.0)
+    assert available_torque(torque, velocity, 33.0, 33.0 / 25.0) == pytest.approx(np.clip(torque, lower, upper))
 
 
 def test_a_contradictory_model_is_refused():

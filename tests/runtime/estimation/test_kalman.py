@@ -140,7 +140,7 @@ def test_rolling_feet_short_by_their_radius_are_compensated():
     def residual(velocity, radius):
         memory.velocity = (velocity, 0.0, 0.0)
         measured = kalman.contact_measurement(
-            memory, np.eye(3), np.zeros(3), legs, standing, np.full(4, 0.03), vertical, radius
+            memory.table[0], np.eye(3), np.zeros(3), legs, standing, np.full(4, 0.03), vertical, radius
         )
         return measured.residual.reshape(4, 3)[:, 0]
 
@@ -351,7 +351,7 @@ def test_a_foot_that_seems_to_slip_is_trusted_less(slip, widened):
     memory.velocity = (slip, 0.0, 0.0)
     legs = LEGS.forward(ROBOT.standing_angles(0.29), np.zeros(12))
     measured = kalman.contact_measurement(
-        memory, np.eye(3), np.zeros(3), legs, np.arange(4), np.full(4, 0.03), np.array([0.0, 0.0, 1.0]), RADIUS
+        memory.table[0], np.eye(3), np.zeros(3), legs, np.arange(4), np.full(4, 0.03), np.array([0.0, 0.0, 1.0]), RADIUS
     )
     np.testing.assert_allclose(np.sqrt(measured.variance), 0.03 * widened, rtol=1e-9)
 

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from runtime.compiled import table_of
 from runtime.estimation.contact import loaded_feet, normal_force, rest_deviation
 from runtime.estimation.kalman_config import KalmanConfig
 from runtime.estimation.stance_plane import FLATNESS, height_above, plane_normal, smoothed
@@ -29,7 +30,7 @@ def tilted(seed, steepest=0.45):
 @given(SEEDS)
 def test_the_plane_of_feet_on_a_slope_is_the_slope_but_for_the_ridge(seed):
     normal, feet = tilted(seed)
-    found = np.array(plane_normal(feet.tolist()))
+    found = plane_normal(feet)
     assert np.linalg.norm(found) == pytest.approx(1.0)
     # the ridge shrinks the slopes by FLATNESS / (FLATNESS + spread), spread the least sum of squares
     centered = feet[:, :2] - feet[:, :2].mean(axis=0)
@@ -41,7 +42,7 @@ def test_the_plane_of_feet_on_a_slope_is_the_slope_but_for_the_ridge(seed):
 
 
 def test_feet_close_together_say_nothing_of_the_slope():
-    feet = [(0.0, 0.0, 0.1), (1e-4, 0.0, -0.1), (0.0, 1e-4, 0.0), (1e-4, 1e-4, 0.3)]
+    feet = np.array([(0.0, 0.0, 0.1), (1e-4, 0.0, -0.1), (0.0, 1e-4, 0.0), (1e-4, 1e-4, 0.3)])
     np.testing.assert_allclose(plane_normal(feet), (0, 0, 1), atol=0.05)
 
 
@@ -51,16 +52,16 @@ def test_height_is_measured_along_the_vertical_from_the_contact_points(seed, hei
     radius = 0.02
     contacts = feet - radius * normal
     level = contacts.mean(axis=0)[2]
-    point = [*contacts[:, :2].mean(axis=0), level + height]
-    assert height_above(point, feet.tolist(), tuple(normal), radius) == pytest.approx(height, abs=1e-9)
-    aside = np.array(point) + np.array([0.1, -0.2, -(normal[:2] @ (0.1, -0.2)) / normal[2]])
-    assert height_above(aside.tolist(), feet.tolist(), tuple(normal), radius) == pytest.approx(height, abs=1e-9)
+    point = np.array([*contacts[:, :2].mean(axis=0), level + height])
+    assert height_above(point, feet, normal, radius) == pytest.approx(height, abs=1e-9)
+    aside = point + np.array([0.1, -0.2, -(normal[:2] @ (0.1, -0.2)) / normal[2]])
+    assert height_above(aside, feet, normal, radius) == pytest.approx(height, abs=1e-9)
 
 
 @given(SEEDS, SEEDS, st.floats(0.0, 1.0))
 def test_smoothing_stays_a_unit_vector_between_the_two(a, b, gain):
     one, other = tilted(a)[0], tilted(b)[0]
-    mixed = np.array(smoothed(tuple(one), tuple(other), gain))
+    mixed = smoothed(one, other, gain)
     assert np.linalg.norm(mixed) == pytest.approx(1.0)
     assert mixed @ one >= one @ other - 1e-9
     assert mixed @ other >= one @ other - 1e-9
@@ -94,16 +95,16 @@ def test_a_straight_leg_gives_a_finite_load():
     ],
 )
 def test_contact_is_gated_by_phase(force, stance, progress, expected):
-    found = loaded_feet(KalmanConfig(), np.full(4, force), np.full(4, stance), np.full(4, progress))
+    found = loaded_feet(table_of(KalmanConfig())[0], np.full(4, force), np.full(4, stance), np.full(4, progress))
     assert found.tolist() == [expected] * 4
 
 
 @given(st.floats(0.0, 1.0))
 def test_a_foot_is_trusted_in_the_middle_of_its_stance(progress):
     config = KalmanConfig()
-    deviation = rest_deviation(config, progress)
+    deviation, mirrored = rest_deviation(table_of(config)[0], np.array([progress, 1.0 - progress]))
     assert config.contact_velocity_mps <= deviation <= config.landing_velocity_mps + 1e-12
-    assert deviation == pytest.approx(rest_deviation(config, 1.0 - progress))
+    assert deviation == pytest.approx(mirrored)
     if 0.15 <= progress <= 0.85:
         assert deviation == pytest.approx(config.contact_velocity_mps)
 
@@ -111,4 +112,4 @@ def test_a_foot_is_trusted_in_the_middle_of_its_stance(progress):
 @pytest.mark.parametrize("end", [0.0, 1.0])
 def test_a_foot_is_not_trusted_as_it_lands_and_lifts(end):
     config = KalmanConfig()
-    assert rest_deviation(config, end) == pytest.approx(config.landing_velocity_mps)
+    assert rest_deviation(table_of(config)[0], np.array([end])) == pytest.approx(config.landing_velocity_mps)

@@ -50,13 +50,11 @@ class Bench:
         """The rigid-body model at this instant."""
         body = RigidBody(self.robot)
         state = self.body
-        spin = self.rotation @ state.angular_velocity
         body.update(
             state.position,
             state.orientation,
-            self.rotation,
             state.linear_velocity,
-            spin,
+            state.angular_velocity,
             self.joints.position,
             self.joints.velocity,
         )

@@ -1,14 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Priorities are strict: what a lower task asks never costs a higher one anything."""
 
+from typing import NamedTuple
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.legged.cascade import MotionTask, prioritised_motion
+from runtime.legged.cascade import prioritised_motion
 
 SEEDS = st.integers(0, 2**32 - 1)
 SIZE = 18
+
+
+class MotionTask(NamedTuple):
+    """A task of some rows: its Jacobian, and what it asks."""
+
+    jacobian: np.ndarray
+    demand: np.ndarray
+
+
+def motion_of(tasks):
+    return prioritised_motion(np.vstack([t.jacobian for t in tasks]), np.vstack([t.demand for t in tasks]))
 
 
 def task(rng, rows):
@@ -29,7 +42,7 @@ def test_compatible_tasks_are_all_fulfilled_by_the_smallest_motion(seed, rows):
     tasks = [task(rng, count) for count in rows]
     if sum(rows) > SIZE - 2 or not conditioned(tasks, 0.3):
         return
-    motion = prioritised_motion(tasks)
+    motion = motion_of(tasks)
     stacked = np.vstack([t.jacobian for t in tasks])
     smallest = np.linalg.pinv(stacked) @ np.vstack([t.demand for t in tasks])
     np.testing.assert_allclose(motion, smallest, atol=1e-5)
@@ -44,7 +57,7 @@ def test_a_conflicting_lower_task_does_not_disturb_a_higher_one(seed, above, bel
     low = MotionTask(mix @ high.jacobian, 10.0 * rng.standard_normal((below, 3)))
     if not conditioned([high], 0.3):
         return
-    alone, both = prioritised_motion([high]), prioritised_motion([high, low])
+    alone, both = motion_of([high]), motion_of([high, low])
     assert np.isfinite(both).all()
     np.testing.assert_allclose(error(high, both), error(high, alone), atol=1e-6)
     assert np.abs(error(high, both)).max() < 1e-5
@@ -62,7 +75,7 @@ def test_it_is_the_recursion_in_null_spaces(seed):
         null_space = null_space - inverse @ (jacobian @ null_space)
     if not conditioned(tasks, 0.1):
         return
-    np.testing.assert_allclose(prioritised_motion(tasks), motion, atol=1e-4 * (1 + np.abs(motion).max()))
+    np.testing.assert_allclose(motion_of(tasks), motion, atol=1e-4 * (1 + np.abs(motion).max()))
 
 
 @given(SEEDS, st.floats(0.0, 1e-3))
@@ -74,7 +87,7 @@ def test_a_singular_leg_gives_a_bounded_answer(seed, remaining):
     stretched[2] = stretched[0] + stretched[1] + remaining * stretched[2]
     if not conditioned([high], 0.5) or not conditioned([high, MotionTask(low.jacobian, low.demand)], 0.3):
         return
-    motion = prioritised_motion([high, MotionTask(stretched, low.demand)])
+    motion = motion_of([high, MotionTask(stretched, low.demand)])
     assert np.isfinite(motion).all()
     # a damped inverse amplifies by at most 1 / (2 damping)
     assert np.abs(motion).max() < 1e5
@@ -87,4 +100,4 @@ def test_the_same_task_twice_is_the_same_as_once(seed):
     one = task(rng, 5)
     if not conditioned([one], 0.3):
         return
-    np.testing.assert_allclose(prioritised_motion([one, one]), prioritised_motion([one]), atol=1e-5)
+    np.testing.assert_allclose(motion_of([one, one]), motion_of([one]), atol=1e-5)

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from runtime.compiled import table_of
 from runtime.legged.contact_plan import contact_points, nominal_centers, stance_schedule
 from runtime.legged.gait import GaitConfig, knots
 from runtime.legged.reference import Demand, Ground, reference_states
@@ -103,8 +104,8 @@ def test_landings_are_on_the_plane_of_the_footholds(steepness, direction):
 
 @given(GAITS, st.integers(0, 10**9), st.integers(0, 10**9))
 def test_the_schedule_is_the_gaits_over_each_step(gait, start_ns, wait_ns):
-    boundaries = knots(gait, start_ns, start_ns + wait_ns, STEPS)
-    stance = stance_schedule(gait, start_ns, boundaries)
+    boundaries = knots(table_of(gait)[0], start_ns, start_ns + wait_ns, STEPS)
+    stance = stance_schedule(table_of(gait)[0], start_ns, boundaries)
     assert stance.shape == (STEPS, 4)
     for step in range(STEPS):
         begin, end = boundaries[step], boundaries[step + 1]

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from runtime.compiled import table_of
 from runtime.legged.footholds import FootholdConfig, TrunkMotion, foothold
 
 SHOULDERS = np.array([[0.18, 0.122], [0.18, -0.122], [-0.18, 0.122], [-0.18, -0.122]])
@@ -17,7 +18,7 @@ STANCE_S, HEIGHT, G = 0.2, 0.29, 9.81
 def land(velocity=(0.0, 0.0), commanded=(0.0, 0.0), yaw_rate=0.0, center=(0.0, 0.0), remaining=0.1, heading=0.0):
     """Footholds of the four feet, (4, 2)."""
     trunk = TrunkMotion(*center, heading, *velocity, *commanded, yaw_rate, HEIGHT)
-    return np.array([foothold(CONFIG, trunk, (x, y), remaining, STANCE_S) for x, y in SHOULDERS.tolist()])
+    return np.array([foothold(table_of(CONFIG)[0], trunk, (x, y), remaining, STANCE_S) for x, y in SHOULDERS.tolist()])
 
 
 @given(st.floats(-9, 9), st.floats(-9, 9), st.floats(0.0, 0.5))

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from runtime.compiled import table_of
 from runtime.legged.gait import GaitConfig, foot_phases, knots, phase_progress, scheduled_stance
 
 MS = 1_000_000
@@ -15,14 +16,21 @@ CONFIGS = st.sampled_from([(400, 0.5, 10), (400, 0.6, 10), (500, 0.8, 10), (480,
 TIMES = st.integers(-(10**10), 10**13)
 
 
+def schedule_at(config, start_ns, now_ns):
+    """Phases and scheduled stance of the feet."""
+    row = table_of(config)[0]
+    phases = foot_phases(row, start_ns, now_ns)
+    return phases, scheduled_stance(row, phases)
+
+
 def stance_at(config, start_ns, now_ns):
-    return np.array(scheduled_stance(config, foot_phases(config, start_ns, now_ns)))
+    return schedule_at(config, start_ns, now_ns)[1]
 
 
 @given(CONFIGS, TIMES, st.integers(0, 10**10))
 def test_diagonal_feet_do_the_same_half_a_cycle_apart(setting, start_ns, elapsed_ns):
     config = GaitConfig(setting[0] * MS, setting[1])
-    phases = np.array(foot_phases(config, start_ns, start_ns + elapsed_ns))
+    phases = schedule_at(config, start_ns, start_ns + elapsed_ns)[0]
     left_front, right_front, left_hind, right_hind = phases
     assert (left_front, right_front) == (right_hind, left_hind)
     assert (left_front - right_front) % 1.0 == pytest.approx(0.5)
@@ -44,8 +52,8 @@ def test_each_foot_stands_for_its_share_of_the_cycle(duty):
 @given(CONFIGS, st.integers(0, 10**10))
 def test_progress_runs_from_0_to_1_in_stance_and_in_swing(setting, now_ns):
     config = GaitConfig(setting[0] * MS, setting[1])
-    phases = foot_phases(config, 0, now_ns)
-    progress, stance = np.array(phase_progress(config, phases)), np.array(scheduled_stance(config, phases))
+    phases, stance = schedule_at(config, 0, now_ns)
+    progress = phase_progress(table_of(config)[0], phases)
     assert (progress >= 0.0).all()
     assert (progress <= 1.0).all()
     elapsed = np.where(stance, progress * config.stance_s, config.stance_s + progress * config.swing_s)
@@ -57,7 +65,7 @@ def test_no_step_of_the_horizon_straddles_a_change_of_contacts(setting, start_ns
     period_ms, duty, steps = setting
     config = GaitConfig(period_ms * MS, duty)
     begin_ns = start_ns + elapsed_ns
-    boundaries = knots(config, start_ns, begin_ns, steps)
+    boundaries = knots(table_of(config)[0], start_ns, begin_ns, steps)
     assert boundaries[0] == begin_ns
     assert len(boundaries) == steps + 1
     lengths = np.diff(boundaries)
@@ -72,5 +80,5 @@ def test_no_step_of_the_horizon_straddles_a_change_of_contacts(setting, start_ns
 @given(TIMES, st.integers(0, 10**9))
 def test_the_horizon_spans_the_gait_cycle_but_for_the_step_that_has_begun(start_ns, elapsed_ns):
     config = GaitConfig(400 * MS, 0.5)
-    boundaries = knots(config, start_ns, start_ns + elapsed_ns, 10)
+    boundaries = knots(table_of(config)[0], start_ns, start_ns + elapsed_ns, 10)
     assert 360 * MS < boundaries[-1] - boundaries[0] <= 400 * MS

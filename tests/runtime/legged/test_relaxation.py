@@ -1,17 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """The QP between plan and torques keeps the base's equations of motion and the friction of the ground."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.legged.relaxation import RelaxationConfig, relax
+from runtime.compiled import table_of
+from runtime.legged.relaxation import RelaxationConfig, relax, relaxation_problem
 from runtime.models.rotations import aligned_with_plane
 from runtime.optimization.qp import Daqp, Proxqp, QpSolution
 
 CONFIG = RelaxationConfig()
 SEEDS = st.integers(0, 2**32 - 1)
+
+
+class Answer(NamedTuple):
+    """Forces (n, 3) in odom, the acceleration given up, and how good they are."""
+
+    force: np.ndarray
+    delta_b: np.ndarray
+    solved: bool
+    residual: float
 
 
 class Case:
@@ -32,7 +44,10 @@ class Case:
 
     def relax(self, config=CONFIG, solver=None):
         arguments = self.inertia, self.unbalanced, self.jacobian, self.planned, self.plane
-        return relax(config, solver or Daqp(), *(array.copy() for array in arguments))
+        problem = relaxation_problem(table_of(config)[0], *arguments)
+        answer = relax(config, solver or Daqp(), problem)
+        force = answer.force.reshape(-1, 3) @ self.plane.T
+        return Answer(force, problem.change @ answer.force - problem.demand, answer.solved, answer.residual)
 
 
 @given(SEEDS)

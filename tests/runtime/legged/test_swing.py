@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from runtime.compiled import table_of
 from runtime.legged.swing import SwingConfig, foot_reference
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -28,7 +29,7 @@ def reference(seed, progress):
 
 
 def reference_of(lift_off, foothold, normal, progress):
-    return np.array(foot_reference(CONFIG, lift_off, foothold, normal, progress, DURATION))
+    return np.array(foot_reference(table_of(CONFIG)[0], lift_off, foothold, normal, progress, DURATION))
 
 
 @given(SEEDS)

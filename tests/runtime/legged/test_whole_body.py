@@ -157,6 +157,6 @@ def test_planned_force_is_that_of_the_step_a_time_lies_in(bench):
     for step in range(steps):
         begin, end = robot.forces.knot_ns[step : step + 2].tolist()
         for at in (begin, (begin + end) // 2, end - 1):
-            assert (planned_force(robot.forces, at) == step).all()
-    assert (planned_force(robot.forces, 0) == 0).all()
-    assert (planned_force(robot.forces, NOW + 10**12) == steps - 1).all()
+            assert (planned_force(robot.forces.table[0], at) == step).all()
+    assert (planned_force(robot.forces.table[0], 0) == 0).all()
+    assert (planned_force(robot.forces.table[0], NOW + 10**12) == steps - 1).all()

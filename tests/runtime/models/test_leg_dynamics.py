@@ -31,7 +31,8 @@ class Motion:
     def model(self):
         body = RigidBody(ROBOT)
         quaternion = pin.Quaternion(self.rotation).coeffs()
-        body.update(self.position, quaternion, self.rotation, self.linear, self.spin, self.angles, self.rates)
+        spin = self.rotation.T @ self.spin
+        body.update(self.position, quaternion, self.linear, spin, self.angles, self.rates)
         return body
 
     def joint_rows(self, acceleration):
@@ -96,9 +97,7 @@ def test_the_weight_of_a_leg_held_out_sideways_is_on_its_abad_joint():
 
     def potential(angle):
         moved = np.concatenate(([angle], angles[1:]))
-        body.update(
-            np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.eye(3), np.zeros(3), np.zeros(3), moved, np.zeros(12)
-        )
+        body.update(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), np.zeros(3), moved, np.zeros(12))
         return ROBOT.mass_kg * GRAVITY * body.center_of_mass[2]
 
     slope = (potential(np.pi / 2 + step) - potential(np.pi / 2 - step)) / (2 * step)
