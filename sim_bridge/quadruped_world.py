@@ -99,7 +99,7 @@ class QuadrupedWorld:
     def _settle(self, start_pose: tuple[float, float, float], joint_angles: Array, height_m: float) -> None:
         x, y, yaw = start_pose
         qx, qy, qz, qw = quaternion_of_yaw(yaw)
-        ground = 0.0 if self._terrain is None else float(self._terrain.height(x, y))
+        ground = 0.0 if self._terrain is None else self._terrain.height_at(x, y)
         self._place[:] = (x, y, ground + height_m + DROP_M, qw, qx, qy, qz)
         self._joint_position[:] = joint_angles
         mujoco.mj_forward(self.model, self.data)
@@ -182,7 +182,7 @@ class QuadrupedWorld:
     def clearance(self) -> float:
         """True height of the trunk origin above the ground below it, m."""
         x, y, z = self._position.tolist()
-        return z - (0.0 if self._terrain is None else float(self._terrain.height(x, y)))
+        return z - (0.0 if self._terrain is None else self._terrain.height_at(x, y))
 
     def contact_forces(self) -> Array:
         """Ground reaction on each foot and its shank in the last step, in odom, (4, 3), N; a view.

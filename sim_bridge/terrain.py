@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from runtime.compiled import compiled
 from runtime.tracking.paths import SCurve
 
 SPACING_M = 0.05
@@ -68,28 +69,47 @@ class HeightField:
         """Whether all of it is at height zero."""
         return not self.heights_m.any()
 
-    def _cell(self, x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """The four corner heights of the cell of each point, and the point's place in it."""
-        rows, columns = self.heights_m.shape
-        u = np.clip((np.asarray(x, dtype=np.float64) - self.x_origin_m) / self.spacing_m, 0.0, columns - 1)
-        v = np.clip((np.asarray(y, dtype=np.float64) - self.y_origin_m) / self.spacing_m, 0.0, rows - 1)
-        i = np.minimum(u.astype(np.intp), columns - 2)
-        j = np.minimum(v.astype(np.intp), rows - 2)
-        h = self.heights_m
-        return h[j, i], h[j, i + 1], h[j + 1, i], h[j + 1, i + 1], u - i, v - j
+    def height_at(self, x: float, y: float) -> float:
+        """Height of the ground at one point, m."""
+        return _height(self.heights_m, self.x_origin_m, self.y_origin_m, self.spacing_m, x, y)
 
     def height(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Array:
         """Height of the ground at each point, m."""
-        a, b, c, d, u, v = self._cell(x, y)
-        return np.asarray((a * (1.0 - u) + b * u) * (1.0 - v) + (c * (1.0 - u) + d * u) * v)
+        return np.vectorize(self.height_at, otypes=[np.float64])(x, y)
 
     def normal(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Array:
         """Upward unit normal of the ground at each point, last axis x, y, z."""
-        a, b, c, d, u, v = self._cell(x, y)
-        slope_x = ((b - a) * (1.0 - v) + (d - c) * v) / self.spacing_m
-        slope_y = ((c - a) * (1.0 - u) + (d - b) * u) / self.spacing_m
-        normal = np.stack(np.broadcast_arrays(-slope_x, -slope_y, np.ones_like(slope_x)), axis=-1)
+        slope = np.vectorize(self._slope_at, otypes=[np.float64, np.float64])
+        slope_x, slope_y = slope(x, y)
+        normal = np.stack((-slope_x, -slope_y, np.ones_like(slope_x)), axis=-1)
         return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
+
+    def _slope_at(self, x: float, y: float) -> tuple[float, float]:
+        return _slope(self.heights_m, self.x_origin_m, self.y_origin_m, self.spacing_m, x, y)
+
+
+@compiled
+def _cell(
+    heights: Array, x_origin: float, y_origin: float, spacing: float, x: float, y: float
+) -> tuple[float, float, float, float, float, float]:
+    """The four corner heights of the cell that a point lies in, and its place in it."""
+    rows, columns = heights.shape
+    u = min(max((x - x_origin) / spacing, 0.0), columns - 1.0)
+    v = min(max((y - y_origin) / spacing, 0.0), rows - 1.0)
+    i, j = min(int(u), columns - 2), min(int(v), rows - 2)
+    return heights[j, i], heights[j, i + 1], heights[j + 1, i], heights[j + 1, i + 1], u - i, v - j
+
+
+@compiled
+def _height(heights: Array, x_origin: float, y_origin: float, spacing: float, x: float, y: float) -> float:
+    a, b, c, d, u, v = _cell(heights, x_origin, y_origin, spacing, x, y)
+    return (a * (1.0 - u) + b * u) * (1.0 - v) + (c * (1.0 - u) + d * u) * v
+
+
+@compiled
+def _slope(heights: Array, x_origin: float, y_origin: float, spacing: float, x: float, y: float) -> tuple[float, float]:
+    a, b, c, d, u, v = _cell(heights, x_origin, y_origin, spacing, x, y)
+    return ((b - a) * (1.0 - v) + (d - c) * v) / spacing, ((c - a) * (1.0 - u) + (d - b) * u) / spacing
 
 
 def extent_of(waypoints: npt.ArrayLike, margin_m: float = MARGIN_M) -> Extent:
