@@ -17,6 +17,7 @@ export MKL_NUM_THREADS := 1
 .DEFAULT_GOAL := sil
 
 sil: venv  ## Walk USLGO1 round the 6 cm circle.
+	@test -d .venv/kernels || echo "Translating the control loops to machine code first: once, a minute or two."
 	$(BIN)/ugv sil uslgo1 circle-6cm
 
 venv: $(STAMP)  ## Create .venv with everything in it.

@@ -8,10 +8,12 @@ state of the sources (a file and all that it imports of ours) has a directory of
 
 from __future__ import annotations
 
+import atexit
 import fcntl
 import hashlib
 import os
 import re
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -37,7 +39,9 @@ def _directory() -> Path:
         kept.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=kept).close()
     except OSError:
-        return Path(tempfile.mkdtemp(prefix="ugv-kernels-"))
+        passing = tempfile.mkdtemp(prefix="ugv-kernels-")
+        atexit.register(shutil.rmtree, passing, ignore_errors=True)
+        return Path(passing)
     return kept
 
 

@@ -9,7 +9,8 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from runtime.legged.whole_body import JointDamping, planned_force
+from runtime.legged.motion_tasks import JointDamping
+from runtime.legged.whole_body import planned_force
 from runtime.models.leg_kinematics import LegKinematics, LegState
 from runtime.models.quadruped import Quadruped
 from runtime.models.rotations import matrix_of_quaternion

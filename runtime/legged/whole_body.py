@@ -5,51 +5,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
 import numpy.typing as npt
 
 from runtime.compiled import compiled, table_of
 from runtime.legged.cascade import prioritised_motion
+from runtime.legged.motion_tasks import (
+    MotionTasks,
+    WholeBodyConfig,
+    keep_contact,
+    move_trunk,
+    swing_foot,
+    turn_trunk,
+)
 from runtime.legged.relaxation import Relaxation, RelaxationConfig, RelaxationProblem, relax, relaxation_problem
 from runtime.models.quadruped import Quadruped
-from runtime.models.rigid_body import GRAVITY, RigidBody, RigidBodyState, point_jacobians
-from runtime.models.rotations import aligned_with_plane, rotation_vector
-from runtime.models.vectors import cross, solve_three, total_moment, turned
+from runtime.models.rigid_body import RigidBody, RigidBodyState, point_jacobians
+from runtime.models.rotations import aligned_with_plane
+from runtime.models.vectors import turned
 from runtime.optimization.qp import QpSolver
 from runtime.signals import BodyState, ContactForces, Gait, JointCommand, JointState
 
 Array = npt.NDArray[np.float64]
-Gain = Annotated[float, msgspec.Meta(ge=0.0, le=1e4)]
-JointStiffness = Annotated[float, msgspec.Meta(ge=0.0, le=500.0)]
-JointDamping = Annotated[float, msgspec.Meta(ge=0.0, le=5.0)]
-
-
-class WholeBodyConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Gains of the whole-body control.
-
-    Attributes:
-        relaxation: weights of the force QP.
-        rotation_stiffness, rotation_damping: K_p, K_d of the body rotation task, 1/s^2 and 1/s.
-        translation_stiffness, translation_damping: the same of the body translation task.
-        swing_stiffness, swing_damping: the same of the swing foot task.
-        stance_joint_stiffness_nm_prad, stance_joint_damping_nms_prad: k_p, k_d of eq 44 for standing legs.
-        swing_joint_stiffness_nm_prad, swing_joint_damping_nms_prad: the same for legs in the air.
-    """
-
-    relaxation: RelaxationConfig = RelaxationConfig()
-    rotation_stiffness: Gain = 100.0
-    rotation_damping: Gain = 20.0
-    translation_stiffness: Gain = 50.0
-    translation_damping: Gain = 10.0
-    swing_stiffness: Gain = 400.0
-    swing_damping: Gain = 40.0
-    stance_joint_stiffness_nm_prad: JointStiffness = 10.0
-    stance_joint_damping_nms_prad: JointDamping = 0.5
-    swing_joint_stiffness_nm_prad: JointStiffness = 30.0
-    swing_joint_damping_nms_prad: JointDamping = 0.8
 
 
 class WholeBodyDemand(NamedTuple):
@@ -167,99 +146,19 @@ def _demand(
     jacobians = point_jacobians(state, points)
 
     count = 3 * standing.size
-    jacobian, demand = np.zeros((18, 18)), np.zeros((18, 3))
+    tasks = MotionTasks(np.zeros((18, 18)), np.zeros((18, 3)))
     for row, foot in enumerate(standing):
-        _contact_task(state, int(foot), lever, jacobians, jacobian, demand, 3 * row)
-    _rotation_task(config, state, plan, plane, planned, points[standing], jacobian, demand, count)
-    _translation_task(config, state, plan, ahead_s, planned, robots[0].mass_kg, jacobian, demand, count + 3)
+        keep_contact(tasks, 3 * row, state, int(foot), lever, jacobians[foot])
+    turn_trunk(tasks, count, config, state, plan, plane, planned, points[standing])
+    move_trunk(tasks, count + 3, config, state, plan, ahead_s, planned, robots[0].mass_kg)
     for row, foot in enumerate(flying):
-        _swing_task(config, state, gait, int(foot), jacobians, jacobian, demand, count + 6 + 3 * row)
-    motion = prioritised_motion(jacobian, demand)
+        swing_foot(tasks, count + 6 + 3 * row, config, state, gait, int(foot), jacobians[foot])
+    motion = prioritised_motion(tasks.jacobian, tasks.demand)
 
-    mass, contact_jacobian = state.mass_matrix.reshape(18, 18), jacobian[:count]
+    mass, contact_jacobian = state.mass_matrix.reshape(18, 18), tasks.jacobian[:count]
     wrench = mass @ motion[:, 2].copy() + state.bias
     problem = relaxation_problem(relaxations[0], mass[:6, :6], wrench[:6], contact_jacobian[:, :6], planned, plane)
     return WholeBodyDemand(motion, wrench, contact_jacobian, plane, problem)
-
-
-@compiled
-def _contact_task(
-    state: RigidBodyState, foot: int, lever: Array, jacobians: Array, jacobian: Array, demand: Array, row: int
-) -> None:
-    """Priority 0: no motion at a contact point."""
-    xyz, rows = slice(3 * foot, 3 * foot + 3), slice(row, row + 3)
-    jacobian[rows] = jacobians[foot]
-    demand[rows, 2] = -(state.foot_drift[xyz] + cross(state.shank_drift[xyz], lever))
-
-
-@compiled
-def _rotation_task(
-    config: WholeBodyConfig,
-    state: RigidBodyState,
-    plan: ContactForces,
-    plane: Array,
-    planned: Array,
-    points: Array,
-    jacobian: Array,
-    demand: Array,
-    row: int,
-) -> None:
-    """Priority 1: the trunk's orientation, with the planned forces' angular acceleration as feed-forward."""
-    error = rotation_vector(plane @ state.rotation.reshape(3, 3).T)
-    rate = np.array([0.0, 0.0, plan.reference_yaw_rate])
-    moment = total_moment(points - state.center_of_mass, planned)
-    acceleration = solve_three(state.inertia.reshape(3, 3), moment)
-    acceleration += config.rotation_stiffness * error + config.rotation_damping * (rate - state.velocity[3:6])
-    for axis in range(3):
-        jacobian[row + axis, 3 + axis] = 1.0
-        demand[row + axis, 0], demand[row + axis, 1] = error[axis], rate[axis]
-        demand[row + axis, 2] = acceleration[axis]
-
-
-@compiled
-def _translation_task(
-    config: WholeBodyConfig,
-    state: RigidBodyState,
-    plan: ContactForces,
-    ahead_s: float,
-    planned: Array,
-    mass_kg: float,
-    jacobian: Array,
-    demand: Array,
-    row: int,
-) -> None:
-    """Priority 2: the trunk's position, with the planned forces' linear acceleration as feed-forward."""
-    velocity = plan.reference_velocity
-    error = plan.reference_position + velocity * ahead_s - state.center_of_mass
-    acceleration = planned.sum(axis=0) / mass_kg
-    acceleration[2] -= GRAVITY
-    acceleration += config.translation_stiffness * error
-    acceleration += config.translation_damping * (velocity - state.com_velocity)
-    for axis in range(3):
-        jacobian[row + axis, axis] = 1.0
-        demand[row + axis, 0], demand[row + axis, 1] = error[axis], velocity[axis]
-        demand[row + axis, 2] = acceleration[axis]
-
-
-@compiled
-def _swing_task(
-    config: WholeBodyConfig,
-    state: RigidBodyState,
-    gait: Gait,
-    foot: int,
-    jacobians: Array,
-    jacobian: Array,
-    demand: Array,
-    row: int,
-) -> None:
-    """Priority 3: a foot in the air follows its reference."""
-    xyz, rows = slice(3 * foot, 3 * foot + 3), slice(row, row + 3)
-    error = gait.swing_position[xyz] - state.foot_position[xyz]
-    slip = gait.swing_velocity[xyz] - jacobians[foot] @ state.velocity
-    jacobian[rows] = jacobians[foot]
-    demand[rows, 0], demand[rows, 1] = error, gait.swing_velocity[xyz]
-    demand[rows, 2] = gait.swing_acceleration[xyz] - state.foot_drift[xyz]
-    demand[rows, 2] += config.swing_stiffness * error + config.swing_damping * slip
 
 
 @compiled

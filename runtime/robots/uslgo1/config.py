@@ -17,10 +17,10 @@ from runtime.estimation.kalman_config import KalmanConfig
 from runtime.legged.footholds import FootholdConfig
 from runtime.legged.gait import GaitConfig
 from runtime.legged.jacobian_transpose import JacobianTransposeConfig
+from runtime.legged.motion_tasks import WholeBodyConfig
 from runtime.legged.mpc import MpcConfig
 from runtime.legged.posture import PostureConfig
 from runtime.legged.swing import SwingConfig
-from runtime.legged.whole_body import WholeBodyConfig
 from runtime.models.quadruped import JOINT_NAMES, Quadruped
 from runtime.robots.simulation import ScenarioConfig, SimulationConfig
 from runtime.safety.limits import SafetyConfig, joint_bounds
