@@ -20,7 +20,8 @@ from drivers.dialects import dialect_named
 from drivers.memory_bus import MemoryBus
 from drivers.memory_ports import MemoryReader, MemoryWriter
 from runtime.configuration import dump
-from runtime.executors.lockstep import InputPort, Lockstep, TickSink
+from runtime.executors.lockstep import Lockstep
+from runtime.executors.loop_run import InputPort, TickSink
 from runtime.recording.metrics import path_metrics, push_recovery
 from runtime.recording.recorder import RecorderProcess
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup

@@ -13,6 +13,7 @@ import pytest
 
 from runtime import signals
 from runtime.executors.lockstep import Lockstep
+from runtime.executors.realtime import RealTime
 from runtime.recording.bag import BagOptions, BagSink
 from runtime.recording.setup import Attachment, RecordingSetup, recording_setup
 from runtime.records import Record, float64, float64_array, int64, uint32
@@ -158,6 +159,30 @@ def datagrams(seconds: float = 0.5, seed: int = 0, key_frame_ns: int = 100_000_0
     return sink
 
 
+class LastSensor(Sensor):
+    """A sensor whose last read ends the run."""
+
+    def __init__(self, seed: int, reads: int) -> None:
+        super().__init__(seed)
+        self.last, self.stop = reads, lambda: None
+
+    def read(self, record: Record, now_ns: int) -> bool:
+        """Fill the record."""
+        if self.reads == self.last - 1:
+            self.stop()
+        return super().read(record, now_ns)
+
+
+def live_datagrams(ticks: int = 120, key_frame_ns: int = 50_000_000) -> Datagrams:
+    """The same of a run in real time, that ends after so many ticks of the fast loop."""
+    sink, sensor = Datagrams(), LastSensor(1, ticks)
+    ports = {"/ugv/joint_state": Sensor(0), "/ugv/imu": sensor}
+    run = RealTime(make_loops(), ports, {}, sink, key_frame_ns=key_frame_ns)
+    sensor.stop = run.stop
+    run.run()
+    return sink
+
+
 def toy_setup(robot: str = "toy", extra: Sequence[Attachment] = (), key_frame_ns: int = 100_000_000) -> RecordingSetup:
     """What its recorder is told."""
     return recording_setup(
@@ -172,12 +197,17 @@ class Toy:
     loops: Callable[..., tuple[Loop, ...]] = make_loops
     setup: Callable[..., RecordingSetup] = toy_setup
     datagrams: Callable[..., Datagrams] = datagrams
+    live_datagrams: Callable[..., Datagrams] = live_datagrams
     small_chunks: BagOptions = SMALL_CHUNKS
 
     def bag(self, directory: Path, options: BagOptions = SMALL_CHUNKS, **run: Any) -> Path:
         """Record a run; returns the run directory."""
+        return self.written(datagrams(**run), directory, options)
+
+    def written(self, given: Datagrams, directory: Path, options: BagOptions = SMALL_CHUNKS) -> Path:
+        """Record datagrams; returns the run directory."""
         sink = BagSink(directory, toy_setup(), options)
-        for datagram in datagrams(**run):
+        for datagram in given:
             sink.write(datagram)
         sink.close()
         return directory

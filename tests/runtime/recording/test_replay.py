@@ -67,6 +67,14 @@ def test_replay_is_identical(toy, recorded):
     assert result.skipped == 0
 
 
+def test_a_run_in_real_time_is_replayed_bit_for_bit(toy, tmp_path):
+    """Each step is given what its tick says it consumed, whenever that was."""
+    run = toy.written(toy.live_datagrams(ticks=150), tmp_path / "live")
+    result = Replay(Log(run), toy.loops(), "toy").run()
+    assert result.identical
+    assert [task.verdict for task in result.tasks.values()] == ["identical"] * 3
+
+
 def test_replay_tells_its_progress(toy, recorded):
     told = []
     Replay(Log(recorded), toy.loops(), "toy").run(progress=told.append)

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a real-time thread asks of Linux: a priority, its processors, memory that stays, and to be woken on time."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import time
+from collections.abc import Collection
+
+_MCL_CURRENT, _MCL_FUTURE = 1, 2
+_TIMER_ABSTIME = 1
+_NS_PER_SECOND = 1_000_000_000
+_LIBC = ctypes.CDLL(None, use_errno=True)
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+
+
+class Alarm:
+    """Lets its thread sleep until a time of the monotonic clock (`time.monotonic_ns`), without holding the GIL."""
+
+    def __init__(self) -> None:
+        self._until = _Timespec()
+        self._pointer = ctypes.byref(self._until)
+        self._sleep = _LIBC.clock_nanosleep
+
+    def sleep_until(self, monotonic_ns: int) -> None:
+        """Return at the time, or at once if it has passed; signals do not cut it short."""
+        self._until.seconds, self._until.nanoseconds = divmod(monotonic_ns, _NS_PER_SECOND)
+        while self._sleep(time.CLOCK_MONOTONIC, _TIMER_ABSTIME, self._pointer, None):
+            pass
+
+
+def run_first(priority: int) -> str:
+    """Put the calling thread under SCHED_FIFO; returns why that was refused, or nothing."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError as error:
+        return f"no SCHED_FIFO at priority {priority}, so threads run at normal priority ({error.strerror})"
+    return ""
+
+
+def stay_on(processors: Collection[int]) -> str:
+    """Keep the calling thread on some processors; returns why that was refused, or nothing."""
+    try:
+        os.sched_setaffinity(0, processors)
+    except OSError as error:
+        return f"no affinity to the processors {sorted(processors)} ({error.strerror})"
+    return ""
+
+
+def lock_memory() -> str:
+    """Keep all memory of this process, now and later, in RAM; returns why that was refused, or nothing."""
+    if _LIBC.mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0:
+        return ""
+    return f"memory is not locked, so page faults may delay a loop ({os.strerror(ctypes.get_errno())})"
+
+
+def unlock_memory() -> None:
+    """Let the system move this process's memory again."""
+    _LIBC.munlockall()

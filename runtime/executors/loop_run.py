@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every executor does with a loop: pass signals on at their time, step the tasks, log what they saw and gave."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+from runtime.executors.tick import ENTRY, Manifest, Tick, tick_record
+from runtime.records import Record
+from runtime.tasks import Loop, due
+
+
+class InputPort(Protocol):
+    """Where bytes enter a loop."""
+
+    def read(self, record: Any, now_ns: int) -> bool:
+        """Fill the record with what arrived up to now; False if nothing did."""
+
+
+class OutputPort(Protocol):
+    """Where bytes leave a loop."""
+
+    def write(self, record: Any, now_ns: int) -> None:
+        """Send the record's content."""
+
+
+class TickSink(Protocol):
+    """Takes one datagram per tick."""
+
+    def write(self, datagram: bytes) -> None:
+        """Record it."""
+
+
+class Mailbox:
+    """A record on its way from the loop that writes it to one that receives it; each end may have its own thread."""
+
+    def __init__(self, target: Record) -> None:
+        self.target = target
+        self._sequence = 0
+        self._pending: deque[tuple[int, int, bytes]] = deque()
+
+    def post(self, visible_ns: int, sequence: int, body: bytes) -> None:
+        """Send a value that becomes visible at a time."""
+        self._pending.append((visible_ns, sequence, body))
+
+    def deliver(self, now_ns: int) -> int:
+        """Make the newest value due by now visible; returns its sequence number."""
+        while self._pending and self._pending[0][0] <= now_ns:
+            _, self._sequence, body = self._pending.popleft()
+            self.target.load(body)
+        return self._sequence
+
+
+class LoopRun:
+    """A loop with what an executor needs to step and log it.
+
+    Attributes:
+        loop: as given.
+        index: number of the next tick.
+        compute_ns: wall time of each step so far.
+        tick: record of the present tick.
+        mailboxes: of the signals that the loop receives.
+    """
+
+    def __init__(
+        self, loop: Loop, manifest: Manifest, key_frame_ns: int, input_ports: Mapping[str, InputPort], sink: TickSink
+    ) -> None:
+        self.loop = loop
+        self.index = 0
+        self.compute_ns: list[int] = []
+        self.tick: Tick = tick_record(loop)
+        self.mailboxes = [Mailbox(record) for record in loop.receives]
+        self._inputs = [(record, input_ports[record.topic]) for record in loop.port_inputs]
+        self._sink = sink
+        self._subscribers: dict[str, list[Mailbox]] = {}
+        self._channel = {channel.record.topic: channel.number for channel in manifest.channels}
+        self._last_logged: dict[str, bytes] = {}
+        self._key_frame_every = max(1, key_frame_ns // loop.period_ns)
+        self._key_frames = 0
+        self._entries: list[bytes] = []
+        self._seen: list[Record] = []
+
+    def feed(self, reader: LoopRun) -> None:
+        """Let another loop receive what this one writes."""
+        written = {record.topic for record in self.loop.writes}
+        for mailbox in reader.mailboxes:
+            if mailbox.target.topic in written:
+                self._subscribers.setdefault(mailbox.target.topic, []).append(mailbox)
+
+    def step(self, now_ns: int) -> None:
+        """Read the ports, receive, and step the tasks that are due."""
+        tick = self.tick
+        self._seen = [record for record, port in self._inputs if port.read(record, now_ns)]
+        tick.consumed = [mailbox.deliver(now_ns) for mailbox in self.mailboxes]
+        self._entries = self._key_frame() if self._key_frame_due() else []
+        began = time.perf_counter_ns()
+        for item in self.loop.schedule:
+            if due(item, self.index):
+                item.task.step(now_ns)
+                self._seen += item.task.writes
+        tick.compute_ns = time.perf_counter_ns() - began
+        tick.index, tick.now_ns = self.index, now_ns
+        self.compute_ns.append(tick.compute_ns)
+
+    def publish(self, visible_ns: int) -> None:
+        """Send what this tick wrote to the loops that receive it."""
+        for item in self.loop.schedule:
+            if due(item, self.index):
+                for record in item.task.writes:
+                    for mailbox in self._subscribers.get(record.topic, ()):
+                        mailbox.post(visible_ns, self.index + 1, record.to_bytes())
+
+    def log(self) -> None:
+        """Hand the tick to the sink as one datagram: its record, the states of a key-frame, and the signals."""
+        parts = [self._entry(self.tick), *self._entries]
+        for record in self._seen:
+            entry = self._entry(record)
+            if record.on_change:
+                if self._last_logged.get(record.topic) == entry:
+                    continue
+                self._last_logged[record.topic] = entry
+            parts.append(entry)
+        self._sink.write(b"".join(parts))
+
+    def _key_frame_due(self) -> bool:
+        """Whether an interval has begun since the last one; ticks may have been skipped meanwhile."""
+        number = self.index // self._key_frame_every
+        began = number > self._key_frames
+        self._key_frames = number
+        return began
+
+    def _key_frame(self) -> list[bytes]:
+        """Every state as it is before the step; it is taken up again, as a replay will take it up."""
+        states = []
+        for item in self.loop.schedule:
+            item.task.restore(item.task.save())
+            if item.task.state is not None:
+                states.append(self._entry(item.task.state))
+        return states
+
+    def _entry(self, record: Record) -> bytes:
+        body = record.to_bytes()
+        return ENTRY.pack(self._channel[record.topic], len(body)) + body
+
+
+def connected(
+    loops: Sequence[Loop],
+    manifest: Manifest,
+    key_frame_ns: int,
+    input_ports: Mapping[str, InputPort],
+    sink: TickSink,
+) -> list[LoopRun]:
+    """Runs of loops that receive from each other."""
+    runs = [LoopRun(loop, manifest, key_frame_ns, input_ports, sink) for loop in loops]
+    for writer in runs:
+        for reader in runs:
+            writer.feed(reader)
+    return runs

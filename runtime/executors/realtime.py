@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The real-time executor: each loop a thread under SCHED_FIFO, woken at absolute times.
+
+It runs the tasks that lockstep runs, untouched. What one loop gives another becomes visible at release + budget, or
+when it is ready if that is later; frames leave at once. A loop that is not done when its next release comes skips
+whole periods, so that it never runs after a backlog, and counts them.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+
+from runtime.executors.collector import collector_paused
+from runtime.executors.linux import Alarm, lock_memory, run_first, stay_on, unlock_memory
+from runtime.executors.loop_run import InputPort, LoopRun, OutputPort, TickSink, connected
+from runtime.executors.tick import manifest_of
+from runtime.tasks import Loop
+
+SWITCH_INTERVAL_S = 1e-4
+"""How long a thread that wants the interpreter waits for one that computes; below 50 us, loops on one processor can
+starve each other for good."""
+START_AFTER_NS = 50_000_000
+"""From the start to the first release, so that every thread is waiting by then."""
+
+
+class RealTime:
+    """Runs loops as threads until it is stopped.
+
+    Args:
+        loops: of one robot.
+        input_ports, output_ports: by topic; every port record of the loops needs one.
+        sink: takes the datagrams, from every loop's thread.
+        processors: that the threads may run on; none for all.
+        key_frame_ns: how often every task's state is logged and taken up again.
+
+    Attributes:
+        manifest: of the datagrams.
+        refused: what the system did not grant, as sentences, once `run` has begun.
+    """
+
+    def __init__(
+        self,
+        loops: Sequence[Loop],
+        input_ports: Mapping[str, InputPort],
+        output_ports: Mapping[str, OutputPort],
+        sink: TickSink,
+        processors: Collection[int] = (),
+        key_frame_ns: int = 1_000_000_000,
+    ) -> None:
+        self.manifest = manifest_of(tuple(loops))
+        self._runs = connected(loops, self.manifest, key_frame_ns, input_ports, sink)
+        self._output_ports, self._processors = output_ports, frozenset(processors)
+        self._stop = threading.Event()
+        self._failures: list[BaseException] = []
+        self.refused: list[str] = []
+
+    @property
+    def compute_ns(self) -> dict[str, list[int]]:
+        """Wall time of each step so far, by loop."""
+        return {run.loop.name: run.compute_ns for run in self._runs}
+
+    def stop(self) -> None:
+        """Let every loop end after its present step; may be called from any thread, a port or a signal handler."""
+        self._stop.set()
+
+    def run(self) -> None:
+        """Run the loops until `stop`.
+
+        Raises:
+            BaseException: what a loop raised; the others are then stopped.
+        """
+        start_ns = time.monotonic_ns() + START_AFTER_NS
+        with ExitStack() as stack:
+            stack.enter_context(collector_paused())
+            stack.enter_context(_switch_interval(SWITCH_INTERVAL_S))
+            self._note(lock_memory())
+            stack.callback(unlock_memory)
+            threads = [
+                threading.Thread(target=self._guarded, args=(run, start_ns), name=run.loop.name) for run in self._runs
+            ]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+        if self._failures:
+            raise self._failures[0]
+
+    def _note(self, refusal: str) -> None:
+        if refusal and refusal not in self.refused:
+            self.refused.append(refusal)
+
+    def _guarded(self, run: LoopRun, start_ns: int) -> None:
+        try:
+            self._note(run_first(run.loop.priority))
+            if self._processors:
+                self._note(stay_on(self._processors))
+            self._loop(run, start_ns)
+        except BaseException as failure:
+            self._failures.append(failure)
+            self.stop()
+
+    def _loop(self, run: LoopRun, start_ns: int) -> None:
+        alarm, tick, loop = Alarm(), run.tick, run.loop
+        outputs = [(record, self._output_ports[record.topic]) for record in loop.port_outputs]
+        while not self._stop.is_set():
+            tick.release_ns = start_ns + run.index * loop.period_ns
+            alarm.sleep_until(tick.release_ns)
+            now_ns = time.monotonic_ns()
+            tick.wake_latency_ns = now_ns - tick.release_ns
+            run.step(now_ns)
+            done_ns = time.monotonic_ns()
+            for record, port in outputs:
+                port.write(record, done_ns)
+            due_ns = tick.release_ns + loop.budget_ns
+            tick.late = done_ns > due_ns
+            run.publish(max(due_ns, done_ns))
+            run.log()
+            run.index, tick.skipped = next_tick(run.index, start_ns, loop.period_ns, time.monotonic_ns())
+
+
+def next_tick(index: int, start_ns: int, period_ns: int, now_ns: int) -> tuple[int, int]:
+    """The next tick that is released at or after now, and how many whole periods that skips."""
+    following = max(index + 1, -(-(now_ns - start_ns) // period_ns))
+    return following, following - index - 1
+
+
+@contextmanager
+def _switch_interval(seconds: float) -> Iterator[None]:
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(seconds)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What Linux refuses is said in a sentence, and nobody is woken early."""
+
+import os
+import threading
+import time
+
+import pytest
+
+from runtime.executors.linux import Alarm, lock_memory, run_first, stay_on, unlock_memory
+
+
+def in_a_thread(function, *arguments):
+    """The answer of a call that changes its thread for good."""
+    answers = []
+    thread = threading.Thread(target=lambda: answers.append(function(*arguments)))
+    thread.start()
+    thread.join()
+    return answers[0]
+
+
+def test_nobody_is_woken_early():
+    alarm = Alarm()
+    for wait_ns in (-1_000_000_000, 0, 1, 1_000_000, 3_000_000):
+        until_ns = time.monotonic_ns() + wait_ns
+        alarm.sleep_until(until_ns)
+        assert time.monotonic_ns() >= until_ns
+
+
+def test_a_priority_that_does_not_exist_is_refused_in_a_sentence():
+    assert in_a_thread(run_first, 1000).startswith(
+        "no SCHED_FIFO at priority 1000, so threads run at normal priority ("
+    )
+
+
+def test_processors_that_do_not_exist_are_refused_in_a_sentence():
+    assert in_a_thread(stay_on, {100_000}).startswith("no affinity to the processors [100000] (")
+    assert in_a_thread(stay_on, os.sched_getaffinity(0)) == ""
+
+
+def test_a_granted_priority_is_that_of_the_calling_thread_alone():
+    policy = in_a_thread(lambda: (run_first(1), os.sched_getscheduler(0)))
+    if policy[0]:
+        pytest.skip(f"this host refuses it: {policy[0]}")
+    assert policy[1] == os.SCHED_FIFO
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+
+def test_memory_is_locked_or_the_refusal_is_said():
+    try:
+        refusal = lock_memory()
+        assert not refusal or "page faults may delay a loop" in refusal
+    finally:
+        unlock_memory()
