@@ -256,4 +256,11 @@ def _print_times(title: str, rows: Sequence[tuple[Any, ...]], reference: tuple[A
     )
 
 
-PARTS: dict[str, Callable[[], None]] = {"mpc": _mpc, "wbc": _wbc, "fuzzy": _fuzzy, "sil": _sil}
+def _rt() -> None:
+    """The loops on the wall clock."""
+    from runtime.cli.bench_rt import measure
+
+    measure()
+
+
+PARTS: dict[str, Callable[[], None]] = {"rt": _rt, "mpc": _mpc, "wbc": _wbc, "fuzzy": _fuzzy, "sil": _sil}

@@ -67,13 +67,17 @@ class RealTime:
         """Let every loop end after its present step; may be called from any thread, a port or a signal handler."""
         self._stop.set()
 
-    def run(self) -> None:
+    def run(self, start_ns: int | None = None) -> None:
         """Run the loops until `stop`.
+
+        Args:
+            start_ns: first release, on the monotonic clock; soon if not given.
 
         Raises:
             BaseException: what a loop raised; the others are then stopped.
         """
-        start_ns = time.monotonic_ns() + START_AFTER_NS
+        if start_ns is None:
+            start_ns = time.monotonic_ns() + START_AFTER_NS
         with ExitStack() as stack:
             stack.enter_context(collector_paused())
             stack.enter_context(_switch_interval(SWITCH_INTERVAL_S))
