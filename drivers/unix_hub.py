@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A CAN bus for machines whose kernel has none: SocketCAN's 16-byte frames over AF_UNIX SEQPACKET.
+
+Each bus is a socket file with a hub behind it. What one end sends, the hub's owner and every other end receive, in the
+order in which the hub got it. The hub has no thread: it works when its owner calls it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+from pathlib import Path
+
+from drivers.can_frame import FRAME_SIZE
+from drivers.errors import DriverConfigError
+
+_BACKLOG = 16
+
+
+class UnixHub:
+    """One bus.
+
+    Args:
+        path: of the socket file, which goes with the hub; one left by a hub that was killed is taken over.
+
+    Attributes:
+        dropped: frames that an end did not get since its queue was full.
+        rejected: packets that were not one frame.
+
+    Raises:
+        DriverConfigError: if the socket cannot be made or another hub is behind it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.dropped, self.rejected = path, 0, 0
+        self._ends: list[socket.socket] = []
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
+        try:
+            self._bind()
+        except OSError as error:
+            self._listener.close()
+            raise DriverConfigError(f"{path}: no CAN hub can be made there ({error.strerror})") from None
+
+    def _bind(self) -> None:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
+            try:
+                probe.connect(str(self.path))
+            except FileNotFoundError:
+                pass
+            except ConnectionRefusedError:
+                self.path.unlink()
+            else:
+                raise DriverConfigError(f"{self.path} already has a CAN hub")
+        self._listener.bind(str(self.path))
+        self._listener.listen(_BACKLOG)
+
+    def receive(self) -> bytes:
+        """Pass on what the ends sent since the last call; returns all of it, 16 bytes a frame, in order of arrival."""
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                self._ends.append(self._listener.accept()[0])
+                self._ends[-1].setblocking(False)
+        received = []
+        for end in list(self._ends):
+            for frame in self._packets(end):
+                received.append(frame)
+                self._send(frame, end)
+        return b"".join(received)
+
+    def send(self, frames: bytes) -> None:
+        """Send the owner's frames, 16 bytes each, to every end."""
+        for begin in range(0, len(frames), FRAME_SIZE):
+            self._send(frames[begin : begin + FRAME_SIZE], None)
+
+    def _packets(self, end: socket.socket) -> list[bytes]:
+        packets: list[bytes] = []
+        while True:
+            try:
+                packet = end.recv(2 * FRAME_SIZE)
+            except BlockingIOError:
+                return packets
+            except OSError:
+                packet = b""
+            if not packet:
+                self._leave(end)
+                return packets
+            if len(packet) == FRAME_SIZE:
+                packets.append(packet)
+            else:
+                self.rejected += 1
+
+    def _send(self, frame: bytes, sender: socket.socket | None) -> None:
+        for end in list(self._ends):
+            if end is sender:
+                continue
+            try:
+                end.send(frame, socket.MSG_NOSIGNAL)
+            except BlockingIOError:
+                self.dropped += 1
+            except OSError:
+                self._leave(end)
+
+    def _leave(self, end: socket.socket) -> None:
+        if end in self._ends:
+            self._ends.remove(end)
+            end.close()
+
+    def close(self) -> None:
+        """End the bus; its ends are told so by their sockets."""
+        for end in list(self._ends):
+            self._leave(end)
+        self._listener.close()
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(self.path)
