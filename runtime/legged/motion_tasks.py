@@ -27,6 +27,7 @@ class WholeBodyConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         relaxation: weights of the force QP.
+        contact_damping: K_d of the contact points, 1/s: how soon a foot that slides comes to rest.
         rotation_stiffness, rotation_damping: K_p, K_d of the body rotation task, 1/s^2 and 1/s.
         translation_stiffness, translation_damping: the same of the body translation task.
         swing_stiffness, swing_damping: the same of the swing foot task.
@@ -35,6 +36,7 @@ class WholeBodyConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     relaxation: RelaxationConfig = RelaxationConfig()
+    contact_damping: Gain = 100.0
     rotation_stiffness: Gain = 100.0
     rotation_damping: Gain = 20.0
     translation_stiffness: Gain = 50.0
@@ -60,11 +62,20 @@ class MotionTasks(NamedTuple):
 
 
 @compiled
-def keep_contact(tasks: MotionTasks, row: int, state: RigidBodyState, foot: int, lever: Array, jacobian: Array) -> None:
-    """Priority 0: no motion at the contact point, which is off the foot's centre by `lever`."""
+def keep_contact(
+    tasks: MotionTasks,
+    row: int,
+    config: WholeBodyConfig,
+    state: RigidBodyState,
+    foot: int,
+    lever: Array,
+    jacobian: Array,
+) -> None:
+    """Priority 0: the contact point, which is off the foot's centre by `lever`, rests, or comes to rest if it slides."""
     xyz, rows = slice(3 * foot, 3 * foot + 3), slice(row, row + 3)
     tasks.jacobian[rows] = jacobian
     tasks.demand[rows, 2] = -(state.foot_drift[xyz] + cross(state.shank_drift[xyz], lever))
+    tasks.demand[rows, 2] -= config.contact_damping * (jacobian @ state.velocity)
 
 
 @compiled

@@ -148,7 +148,7 @@ def _demand(
     count = 3 * standing.size
     tasks = MotionTasks(np.zeros((18, 18)), np.zeros((18, 3)))
     for row, foot in enumerate(standing):
-        keep_contact(tasks, 3 * row, state, int(foot), lever, jacobians[foot])
+        keep_contact(tasks, 3 * row, config, state, int(foot), lever, jacobians[foot])
     turn_trunk(tasks, count, config, state, plan, plane, planned, points[standing])
     move_trunk(tasks, count + 3, config, state, plan, ahead_s, planned, robots[0].mass_kg)
     for row, foot in enumerate(flying):

@@ -91,7 +91,7 @@ def moved(robot, seed):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_commanded_torques_forces_and_accelerations_fit_the_equations_of_motion(bench, seed):
-    """Forward dynamics with the commanded torque leaves the contact points at rest and moves the trunk as relaxed."""
+    """Forward dynamics with the commanded torque brings the contact points to rest and moves the trunk as relaxed."""
     robot = moved(bench(0.4), seed)
     assert law(robot).command(NOW)
     model = robot.model()
@@ -100,10 +100,11 @@ def test_commanded_torques_forces_and_accelerations_fit_the_equations_of_motion(
     jacobian = model.point_jacobians(model.foot_position + lever)[standing].reshape(6, 18)
     drift = (model.foot_drift + np.cross(model.shank_drift, lever))[standing].ravel()
     given_up = np.concatenate((robot.output.relaxation, np.zeros(12)))
-    # unknown accelerations (18) and contact forces (6): M a - J^T f = S tau - h, J (a - delta_b) = -drift
+    # unknown accelerations (18) and contact forces (6): M a - J^T f = S tau - h, J (a - delta_b) = -drift - K_d J v
     system = np.block([[model.mass_matrix, -jacobian.T], [jacobian, np.zeros((6, 6))]])
     torque = np.concatenate((np.zeros(6), robot.output.effort))
-    right = np.concatenate((torque - model.bias, jacobian @ given_up - drift))
+    sliding = robot.config.whole_body.contact_damping * jacobian @ model.velocity
+    right = np.concatenate((torque - model.bias, jacobian @ given_up - drift - sliding))
     answer = np.linalg.solve(system, right)
     motion, force = answer[:18] - given_up, answer[18:].reshape(2, 3)
     # the forces that this takes are inside their friction cones
