@@ -71,7 +71,7 @@ def keep_contact(
     lever: Array,
     jacobian: Array,
 ) -> None:
-    """Priority 0: the contact point, which is off the foot's centre by `lever`, rests, or comes to rest if it slides."""
+    """Priority 0: the contact point, off the foot's centre by `lever`, rests, or comes to rest if it slides."""
     xyz, rows = slice(3 * foot, 3 * foot + 3), slice(row, row + 3)
     tasks.jacobian[rows] = jacobian
     tasks.demand[rows, 2] = -(state.foot_drift[xyz] + cross(state.shank_drift[xyz], lever))
