@@ -9,8 +9,9 @@ import subprocess
 import time
 from collections.abc import Mapping
 from contextlib import ExitStack
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -21,11 +22,12 @@ from drivers.memory_bus import MemoryBus
 from drivers.memory_ports import MemoryReader, MemoryWriter
 from runtime.configuration import dump
 from runtime.executors.lockstep import Lockstep
-from runtime.executors.loop_run import InputPort, TickSink
+from runtime.executors.loop_run import InputPort, OutputPort, TickSink
 from runtime.recording.metrics import path_metrics, push_recovery
 from runtime.recording.recorder import RecorderProcess
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup
 from runtime.robots import load_configuration, topics
+from runtime.robots.robot import Robot
 from runtime.robots.uslgo1.assembly import PATH_CAPACITY, assemble
 from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.tracking.path_csv import read_path_csv
@@ -38,6 +40,8 @@ from sim_bridge.script import ScriptedOperator, ScriptedPath
 from sim_bridge.terrain import HeightField
 
 PUSH_DIRECTIONS, PUSH_PHASES = 8, 4
+WARM_UP_SCENARIO, WARM_UP_NS = "flat", 1_300_000_000
+"""By then the robot walks, and every part of its loops has been used."""
 
 
 class NullSink:
@@ -64,6 +68,55 @@ def chosen_scenario(name: str, config: Uslgo1Config, seed: int) -> Scenario:
         push = Push(direction_rad=direction, impulse_n_s=config.scenario.push_impulse_n_s, gait_phase=phase)
         chosen = chosen.with_push(push)
     return chosen
+
+
+class Wired(NamedTuple):
+    """A robot and its world on the same wires."""
+
+    robot: Robot
+    world: QuadrupedWorld
+    terrain: HeightField
+    inputs: dict[str, InputPort]
+    outputs: dict[str, OutputPort]
+
+
+def _wire(config: Uslgo1Config, course: Scenario, seed: int) -> Wired:
+    terrain = course.terrain(seed)
+    assembled = assemble(config)
+    bus = MemoryBus(config.drives.buses, config.drives.bit_rate_hz)
+    upright = bool(course.waypoints)
+    height = config.posture.height_m if upright else config.posture.sitting_height_m
+    world = QuadrupedWorld(
+        config.quadruped,
+        config.simulation,
+        config.drives.joints(config.safety),
+        dialect_named(config.drives.dialect),
+        terrain,
+        bus,
+        seed,
+        course.start_pose,
+        config.quadruped.standing_angles(height),
+        height,
+    )
+    inputs: dict[str, InputPort] = {
+        topics.CAN_RECEIVED: MemoryReader(bus),
+        topics.IMU: world.imu,
+        topics.LOCALIZATION: world.localization,
+        topics.BATTERY: world.battery,
+        topics.TRUTH: world,
+        topics.OPERATOR: ScriptedOperator(course, config.posture.rise_s),
+        topics.PATH: ScriptedPath(course),
+    }
+    return Wired(assembled, world, terrain, inputs, {topics.CAN_SENT: MemoryWriter(bus)})
+
+
+@cache
+def _warm_up(robot: str, estimator: str, controller: str) -> None:
+    """Walk a few steps in vain: what is compiled or loaded at first use belongs to the times of no run."""
+    config = load_configuration(robot, {"variant.estimator": estimator, "variant.controller": controller})
+    wired = _wire(config, scenario_named(WARM_UP_SCENARIO), 0)
+    executor = Lockstep(wired.robot.loops, wired.inputs, wired.outputs, wired.world, NullSink())
+    executor.run(WARM_UP_NS, lambda now_ns: False)
 
 
 def run_scenario(
@@ -100,33 +153,10 @@ def run_scenario(
     chosen = {**(overrides or {}), "variant.estimator": estimator, "variant.controller": controller}
     config = load_configuration(robot, chosen)
     course = chosen_scenario(scenario, config, seed)
-    terrain = course.terrain(seed)
-    assembled = assemble(config)
-    bus = MemoryBus(config.drives.buses, config.drives.bit_rate_hz)
-    upright = bool(course.waypoints)
-    height = config.posture.height_m if upright else config.posture.sitting_height_m
-    world = QuadrupedWorld(
-        config.quadruped,
-        config.simulation,
-        config.drives.joints(config.safety),
-        dialect_named(config.drives.dialect),
-        terrain,
-        bus,
-        seed,
-        course.start_pose,
-        config.quadruped.standing_angles(height),
-        height,
-    )
-    inputs: dict[str, InputPort] = {
-        topics.CAN_RECEIVED: MemoryReader(bus),
-        topics.IMU: world.imu,
-        topics.LOCALIZATION: world.localization,
-        topics.BATTERY: world.battery,
-        topics.TRUTH: world,
-        topics.OPERATOR: ScriptedOperator(course, config.posture.rise_s),
-        topics.PATH: ScriptedPath(course),
-    }
-    observer = Observer(world, assembled, config, course, until_s, progress)
+    _warm_up(robot, estimator, controller)
+    wired = _wire(config, course, seed)
+    assembled = wired.robot
+    observer = Observer(wired.world, assembled, config, course, until_s, progress)
     with ExitStack() as stack:
         sink: TickSink = NullSink()
         log = ""
@@ -138,11 +168,11 @@ def run_scenario(
                 seed,
                 assembled.joint_names,
                 revision=git_revision(),
-                extra=(Attachment(TERRAIN, "application/octet-stream", _packed(terrain)),),
+                extra=(Attachment(TERRAIN, "application/octet-stream", _packed(wired.terrain)),),
             )
             recorder = stack.enter_context(RecorderProcess(out, setup))
             sink, log = recorder, recorder.path.name
-        executor = Lockstep(assembled.loops, inputs, {topics.CAN_SENT: MemoryWriter(bus)}, world, sink)
+        executor = Lockstep(assembled.loops, wired.inputs, wired.outputs, wired.world, sink)
         began = time.perf_counter()
         reached_ns = executor.run(observer.limit_ns, observer.over)
         wall_s = time.perf_counter() - began
