@@ -43,7 +43,7 @@ class Port:
 class Run:
     """Robot and world on the same wires, as `sim_bridge.run` builds them."""
 
-    def __init__(self, ground="flat", estimator="kalman", tamper=None, change_imu=None, seed=0):
+    def __init__(self, ground="flat", estimator="kalman", tamper=None, imu=lambda sensor: sensor, seed=0):
         config = load_configuration("uslgo1", {"variant.estimator": estimator})
         course = scenario("flat")
         robot = assemble(config)
@@ -62,7 +62,7 @@ class Run:
         )
         inputs = {
             topics.CAN_RECEIVED: MemoryReader(self.bus),
-            topics.IMU: Port(self.world.imu, change_imu) if change_imu else self.world.imu,
+            topics.IMU: imu(self.world.imu),
             topics.LOCALIZATION: self.world.localization,
             topics.BATTERY: self.world.battery,
             topics.TRUTH: self.world,
@@ -191,10 +191,7 @@ class Silent:
 
 
 def test_an_imu_that_falls_silent_damps_the_robot():
-    run = Run()
-    ports = run.executor._input_ports
-    ports[topics.IMU] = Silent(ports[topics.IMU], FAULT_NS)
-    run.until(2.4)
+    run = Run(imu=lambda sensor: Silent(sensor, FAULT_NS)).until(2.4)
     at, fault = run.fault_seen
     assert fault == Fault.STALE_IMU
     assert run.damped
@@ -208,7 +205,7 @@ def test_one_bad_sample_of_the_imu_does_not_stop_it(value):
             record.angular_velocity[1] = value
         return True
 
-    run = Run(change_imu=change).until(2.6)
+    run = Run(imu=lambda sensor: Port(sensor, change)).until(2.6)
     assert run.safety.mode == Mode.ACTIVE
     assert run.gait.walking
     assert run.safety.faults == 0
