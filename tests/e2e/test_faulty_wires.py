@@ -31,9 +31,8 @@ Run = Callable[..., Path]
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Half a second of standing, one input tampered with at `FAULT_NS`; gives the run's directory."""
-    run_scenario(
-        "uslgo1", "flat", until_s=0.001
-    )  # the steps in vain before a process's first run must not be tampered with
+    # the steps in vain before a process's first run must not be tampered with
+    run_scenario("uslgo1", "flat", until_s=0.001)
 
     def start(port: type[Any] = MemoryReader, tamper: Tamper | None = None) -> Path:
         read = port.read
