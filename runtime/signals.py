@@ -3,6 +3,7 @@
 
 Stamps are nanoseconds, units SI, quaternions (x, y, z, w), frames as REP 105: `odom` is the world-fixed frame of the
 estimate, `base` the trunk frame (x forward, y left, z up). Symbolic sizes: `joint`, `foot`, `foot_xyz` (three a foot),
+`bus` (CAN buses),
 `frame` (capacity of a batch of CAN frames), `frame_byte` (16 per frame), `path` (capacity of a path), and of the MPC's
 horizon `knot` (steps + 1), `horizon_foot` (foot x steps) and `horizon_xyz` (three times that).
 """
@@ -22,6 +23,7 @@ from runtime.records import (
     uint8,
     uint8_array,
     uint32,
+    uint32_array,
 )
 
 
@@ -72,6 +74,28 @@ class Fault(IntFlag):
     STALE_BODY_COMMAND = 1 << 12
 
 
+class Request(IntEnum):
+    """What an operator's event asks for."""
+
+    LIFE = 0
+    ARM = 1
+    DISARM = 2
+    MOTION = 3
+    RESET = 4
+    EMERGENCY_STOP = 5
+    RELEASE = 6
+    VELOCITY = 7
+
+
+class BusState(IntEnum):
+    """What a bus reports of itself."""
+
+    UP = 0
+    PASSIVE = 1
+    OFF = 2
+    DOWN = 3
+
+
 class CanFrames(Record):
     """A batch of CAN frames in the byte layout of Linux `struct can_frame`, as read from or given to the buses."""
 
@@ -81,6 +105,29 @@ class CanFrames(Record):
     bus = uint8_array("frame", "", "index of the bus of each frame")
     arrival_ns = int64_array("frame", "ns", "when each frame was received, or is due to be sent")
     data = uint8_array("frame_byte", "", "16 bytes a frame")
+
+
+class BusStatus(Record):
+    """State of the buses, and what went wrong on each since start."""
+
+    on_change = True
+    state = uint8_array("bus", "", "BusState: 0 up, 1 error passive, 2 bus-off, 3 down or gone")
+    backlog = boolean_array("bus", "more frames waited than one tick takes")
+    refused = uint32_array("bus", "", "frames not sent for lack of room")
+    failed = uint32_array("bus", "", "reads and writes that failed since the bus was down")
+    malformed = uint32_array("bus", "", "packets that were no frame")
+    errors = uint32_array("bus", "", "error frames")
+    overflow = uint32_array("bus", "", "frames that the kernel dropped since they were not read in time")
+    purged = uint32_array("bus", "", "frames dropped when the bus came back, as they had become too old")
+
+
+class LoopTiming(Record):
+    """How the loop that reads this keeps its time; all zero in virtual time but for injected delays."""
+
+    on_change = True
+    overruns = uint32("", "ticks since start before which whole periods were skipped")
+    skipped = uint32("", "periods skipped since start")
+    overruns_in_a_row = uint32("", "ticks up to this one, each of which had periods skipped before it")
 
 
 class Imu(Record):
@@ -119,6 +166,17 @@ class Truth(Record):
     linear_velocity = float64_array(3, "m/s", "of the trunk origin, in odom")
     angular_velocity = float64_array(3, "rad/s", "in base")
     contact_force = float64_array("foot_xyz", "N", "ground reaction on each foot, in odom")
+
+
+class OperatorEvent(Record):
+    """One request of one sender; requests are taken in turn, none is overwritten by the next."""
+
+    stamp_ns = int64("ns")
+    source = int64("", "who sent it")
+    priority = uint8("", "of the sender; a higher one takes the lease from a lower one")
+    request = uint8("", "Request: 0 life, 1 arm, 2 disarm, 3 motion, 4 reset, 5 e-stop, 6 release, 7 velocity")
+    motion = uint8("", "Motion that is asked for")
+    velocity = float64_array(3, "m/s, m/s, rad/s", "forward, lateral, yaw rate that are asked for")
 
 
 class OperatorRequest(Record):

@@ -28,6 +28,7 @@ class Tick(Record):
     late = uint32("", "1 if its results left after the budget")
     wake_latency_ns = int64("ns")
     compute_ns = int64("ns", "wall time of its tasks; differs from run to run")
+    dropped = uint32("", "datagrams that the recorder could not take, since start")
     consumed = uint32_array("received", "", "sequence number of each received signal, 0 for none yet")
 
 

@@ -40,6 +40,7 @@ def sizes(config: Uslgo1Config) -> dict[str, int]:
         "joint": 12,
         "foot": 4,
         "foot_xyz": 12,
+        "bus": config.drives.buses,
         "frame": FRAME_CAPACITY,
         "frame_byte": 16 * FRAME_CAPACITY,
         "path": PATH_CAPACITY,

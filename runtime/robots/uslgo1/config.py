@@ -87,11 +87,28 @@ class LoopsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return NS_PER_SECOND // self.mpc_hz
 
 
+class RealtimeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How the processes share the machine.
+
+    Attributes:
+        control_processors, link_processors: numbers of the processors that they run on; empty for all.
+        link_priority: of the link's threads.
+        switch_interval_us: how long a thread that wants the interpreter waits for one that computes.
+    """
+
+    control_processors: tuple[Annotated[int, msgspec.Meta(ge=0, le=1023)], ...] = ()
+    link_processors: tuple[Annotated[int, msgspec.Meta(ge=0, le=1023)], ...] = ()
+    link_priority: Annotated[int, msgspec.Meta(ge=1, le=98)] = 40
+    switch_interval_us: Annotated[int, msgspec.Meta(ge=50, le=5000)] = 100
+
+
 class DrivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The motor drives and their buses; one list entry per joint, legs LF RF LH RH, joints ab/ad hip knee.
 
     Attributes:
         dialect: of the MIT-mode protocol.
+        interface: of python-can, by which the buses are opened: socketcan, or ugv-unix (a CAN hub on a socket file).
+        channels: of that interface, one a bus.
         bit_rate_hz: of every bus.
         bus, can_id, direction: of each joint.
         offset_rad: angle of each joint at which its drive reads zero.
@@ -103,6 +120,8 @@ class DrivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     dialect: str
+    interface: Literal["socketcan", "ugv-unix"]
+    channels: tuple[str, ...]
     bit_rate_hz: Annotated[int, msgspec.Meta(ge=125_000, le=1_000_000)]
     bus: tuple[int, ...]
     can_id: tuple[int, ...]
@@ -124,6 +143,8 @@ class DrivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             length = len(getattr(self, name))
             if length != len(JOINT_NAMES):
                 raise ConfigError(f"{name} has {length} entries for {len(JOINT_NAMES)} joints")
+        if len(self.channels) != self.buses or len(set(self.channels)) != self.buses:
+            raise ConfigError(f"channels = {list(self.channels)} does not name {self.buses} different buses")
 
     @property
     def buses(self) -> int:
@@ -164,6 +185,7 @@ class Uslgo1Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     robot: Literal["uslgo1"]
     variant: VariantConfig
     loops: LoopsConfig
+    realtime: RealtimeConfig
     quadruped: Quadruped
     drives: DrivesConfig
     posture: PostureConfig
