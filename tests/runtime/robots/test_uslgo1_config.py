@@ -13,10 +13,11 @@ from runtime.robots.uslgo1.config import Uslgo1Config
 
 TWO_BUSES = "[0,0,0,0,0,0,1,1,1,1,1,1]"
 TWO_IDS = "[1,2,3,4,5,6,1,2,3,4,5,6]"
+TWO_CHANNELS = '["can0", "can1"]'
 
 REFUSED = {
     "two full buses": (
-        {"loops.wbc_hz": "1000", "drives.bus": TWO_BUSES, "drives.can_id": TWO_IDS},
+        {"loops.wbc_hz": "1000", "drives.bus": TWO_BUSES, "drives.channels": TWO_CHANNELS, "drives.can_id": TWO_IDS},
         ("loops.wbc_hz", "1000", "bus 0", "85%"),
     ),
     "extended frames": (
@@ -25,11 +26,19 @@ REFUSED = {
     ),
     "slow bus": ({"drives.bit_rate_hz": "250000"}, ("loops.wbc_hz = 500", "0.25 Mbit/s")),
     "all on one bus": (
-        {"drives.bus": "[0,0,0,0,0,0,0,0,0,0,0,0]", "drives.can_id": "[1,2,3,4,5,6,7,8,9,10,11,12]"},
+        {
+            "drives.bus": "[0,0,0,0,0,0,0,0,0,0,0,0]",
+            "drives.channels": '["can0"]',
+            "drives.can_id": "[1,2,3,4,5,6,7,8,9,10,11,12]",
+        },
         ("wbc_hz",),
     ),
     "stance off the grid": ({"gait.stance_fraction": "0.55"}, ("gait.stance_fraction", "0.55", "mpc.steps")),
     "period off the grid": ({"gait.period_ns": "400000001"}, ("gait.period_ns", "mpc.steps")),
+    "a bus without a channel": (
+        {"drives.channels": '["can0", "can1", "can2"]'},
+        ("drives.channels", "4 different buses"),
+    ),
     "eleven joints": ({"drives.bus": "[0,0,0,1,1,1,2,2,2,3,3]"}, ("drives.bus", "11 entries for 12 joints")),
     "thirteen offsets": ({"drives.offset_rad": "[0,0,0,0,0,0,0,0,0,0,0,0,0]"}, ("drives.offset_rad", "13 entries")),
     "mpc rate": ({"loops.mpc_hz": "60"}, ("loops.mpc_hz", "60", "500")),
