@@ -28,7 +28,19 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 def compiled(function: Function) -> Function:
     """Compile a function of numbers and arrays when it is first called with arguments of their types."""
-    kernel: Any = numba.njit(error_model="numpy")(function)
+    return _kernel(function, release_interpreter=False)
+
+
+def compiled_long(function: Function) -> Function:
+    """Compile a function that takes long, and let the threads of other loops compute meanwhile.
+
+    Short ones keep the interpreter, since getting it back may take longer than they do.
+    """
+    return _kernel(function, release_interpreter=True)
+
+
+def _kernel(function: Function, release_interpreter: bool) -> Function:
+    kernel: Any = numba.njit(error_model="numpy", nogil=release_interpreter)(function)
     kernel._cache = KernelCache(function)  # type: ignore[no-untyped-call]
     return kernel
 

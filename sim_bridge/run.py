@@ -47,6 +47,8 @@ WARM_UP_SCENARIO, WARM_UP_NS = "flat", 1_300_000_000
 class NullSink:
     """Takes datagrams and keeps none."""
 
+    dropped = 0
+
     def write(self, datagram: bytes) -> None:
         """Forget it."""
 

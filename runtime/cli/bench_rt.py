@@ -50,6 +50,7 @@ class TickSink:
     """Keeps the tick records of the datagrams."""
 
     ticks: list[bytes] = field(default_factory=list)
+    dropped: int = 0
 
     def write(self, datagram: bytes) -> None:
         """Keep the first entry."""

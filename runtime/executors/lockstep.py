@@ -14,8 +14,17 @@ from typing import Protocol
 from runtime.executors.collector import collector_paused
 from runtime.executors.loop_run import InputPort, LoopRun, OutputPort, TickSink, connected
 from runtime.executors.tick import manifest_of
+from runtime.executors.timing import next_tick
 from runtime.records import Record
 from runtime.tasks import Loop
+
+Delays = Callable[[str, int], int]
+"""How long after its release the step of a loop (by name) at an index is done, ns; for faults that are injected."""
+
+
+def no_delay(loop: str, index: int) -> int:
+    """Every step is done within its budget."""
+    return 0
 
 
 class World(Protocol):
@@ -38,6 +47,12 @@ class Lockstep:
         world: advanced to each event.
         sink: takes the datagrams.
         key_frame_ns: how often every task's state is logged and taken up again.
+        delays: of the steps. Results that are late leave when they are done, and a step that takes longer than the
+            period has the loop skip whole periods, exactly as in real time.
+
+    Attributes:
+        manifest: of the datagrams.
+        compute_ns: wall time of each step so far, by loop.
     """
 
     def __init__(
@@ -48,6 +63,7 @@ class Lockstep:
         world: World,
         sink: TickSink,
         key_frame_ns: int = 1_000_000_000,
+        delays: Delays = no_delay,
     ) -> None:
         self.manifest = manifest_of(tuple(loops))
         self._runs = connected(loops, self.manifest, key_frame_ns, input_ports, sink)
@@ -55,11 +71,8 @@ class Lockstep:
         self._departures: list[tuple[int, int, Record, bytes]] = []
         self._scratch = {record.topic: record.like() for loop in loops for record in loop.port_outputs}
         self._departure_count = 0
-
-    @property
-    def compute_ns(self) -> dict[str, list[int]]:
-        """Wall time of each step so far, by loop."""
-        return {run.loop.name: run.compute_ns for run in self._runs}
+        self._delays = delays
+        self.compute_ns: dict[str, list[int]] = {loop.name: [] for loop in loops}
 
     def run(self, until_ns: int, stop: Callable[[int], bool]) -> int:
         """Take every step released before `until_ns`, or until `stop(now_ns)` says so; returns the time reached."""
@@ -82,11 +95,15 @@ class Lockstep:
             self._output_ports[record.topic].write(departing, due_ns)
 
     def _step(self, run: LoopRun, now_ns: int) -> None:
-        run.tick.release_ns, visible_ns = now_ns, now_ns + run.loop.budget_ns
+        tick, loop = run.tick, run.loop
+        done_ns = now_ns + self._delays(loop.name, run.index)
+        visible_ns = max(done_ns, now_ns + loop.budget_ns)
+        tick.release_ns, tick.late = now_ns, done_ns > now_ns + loop.budget_ns
         run.step(now_ns)
+        self.compute_ns[loop.name].append(tick.compute_ns)
         run.publish(visible_ns)
-        for record in run.loop.port_outputs:
+        for record in loop.port_outputs:
             self._departure_count += 1
             heapq.heappush(self._departures, (visible_ns, self._departure_count, record, record.to_bytes()))
         run.log()
-        run.index += 1
+        run.index, tick.skipped = next_tick(run.index, 0, loop.period_ns, done_ns)

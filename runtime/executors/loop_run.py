@@ -9,7 +9,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from runtime.executors.tick import ENTRY, Manifest, Tick, tick_record
+from runtime.executors.timing import TimingPort
 from runtime.records import Record
+from runtime.signals import LoopTiming
 from runtime.tasks import Loop, due
 
 
@@ -28,7 +30,15 @@ class OutputPort(Protocol):
 
 
 class TickSink(Protocol):
-    """Takes one datagram per tick."""
+    """Takes one datagram per tick.
+
+    Attributes:
+        dropped: datagrams that it could not take since start.
+    """
+
+    @property
+    def dropped(self) -> int:
+        """See above."""
 
     def write(self, datagram: bytes) -> None:
         """Record it."""
@@ -60,7 +70,6 @@ class LoopRun:
     Attributes:
         loop: as given.
         index: number of the next tick.
-        compute_ns: wall time of each step so far.
         tick: record of the present tick.
         mailboxes: of the signals that the loop receives.
     """
@@ -70,10 +79,13 @@ class LoopRun:
     ) -> None:
         self.loop = loop
         self.index = 0
-        self.compute_ns: list[int] = []
         self.tick: Tick = tick_record(loop)
         self.mailboxes = [Mailbox(record) for record in loop.receives]
-        self._inputs = [(record, input_ports[record.topic]) for record in loop.port_inputs]
+        self._timing = TimingPort()
+        self._inputs = [
+            (record, self._timing if isinstance(record, LoopTiming) else input_ports[record.topic])
+            for record in loop.port_inputs
+        ]
         self._sink = sink
         self._subscribers: dict[str, list[Mailbox]] = {}
         self._channel = {channel.record.topic: channel.number for channel in manifest.channels}
@@ -82,6 +94,7 @@ class LoopRun:
         self._key_frames = 0
         self._entries: list[bytes] = []
         self._seen: list[Record] = []
+        self._lasting: dict[str, Record] = {}
 
     def feed(self, reader: LoopRun) -> None:
         """Let another loop receive what this one writes."""
@@ -93,7 +106,9 @@ class LoopRun:
     def step(self, now_ns: int) -> None:
         """Read the ports, receive, and step the tasks that are due."""
         tick = self.tick
+        self._timing.begin(tick.skipped)
         self._seen = [record for record, port in self._inputs if port.read(record, now_ns)]
+        self._lasting.update((record.topic, record) for record in self._seen if record.on_change)
         tick.consumed = [mailbox.deliver(now_ns) for mailbox in self.mailboxes]
         self._entries = self._key_frame() if self._key_frame_due() else []
         began = time.perf_counter_ns()
@@ -103,7 +118,6 @@ class LoopRun:
                 self._seen += item.task.writes
         tick.compute_ns = time.perf_counter_ns() - began
         tick.index, tick.now_ns = self.index, now_ns
-        self.compute_ns.append(tick.compute_ns)
 
     def publish(self, visible_ns: int) -> None:
         """Send what this tick wrote to the loops that receive it."""
@@ -115,6 +129,7 @@ class LoopRun:
 
     def log(self) -> None:
         """Hand the tick to the sink as one datagram: its record, the states of a key-frame, and the signals."""
+        self.tick.dropped = self._sink.dropped
         parts = [self._entry(self.tick), *self._entries]
         for record in self._seen:
             entry = self._entry(record)
@@ -133,7 +148,12 @@ class LoopRun:
         return began
 
     def _key_frame(self) -> list[bytes]:
-        """Every state as it is before the step; it is taken up again, as a replay will take it up."""
+        """Every state as it is before the step; it is taken up again, as a replay will take it up.
+
+        Inputs that are logged on change are logged again with this tick, for a log that begins or goes on here.
+        """
+        self._last_logged.clear()
+        self._seen += [record for record in self._lasting.values() if record not in self._seen]
         states = []
         for item in self.loop.schedule:
             item.task.restore(item.task.save())

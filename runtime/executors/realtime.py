@@ -16,11 +16,13 @@ from contextlib import ExitStack, contextmanager
 
 from runtime.executors.collector import collector_paused
 from runtime.executors.linux import Alarm, lock_memory, run_first, stay_on, unlock_memory
+from runtime.executors.liveness import Liveness
 from runtime.executors.loop_run import InputPort, LoopRun, OutputPort, TickSink, connected
 from runtime.executors.tick import manifest_of
+from runtime.executors.timing import next_tick
 from runtime.tasks import Loop
 
-SWITCH_INTERVAL_S = 1e-4
+SWITCH_INTERVAL_US = 100
 """How long a thread that wants the interpreter waits for one that computes; below 50 us, loops on one processor can
 starve each other for good."""
 START_AFTER_NS = 50_000_000
@@ -36,6 +38,8 @@ class RealTime:
         sink: takes the datagrams, from every loop's thread.
         processors: that the threads may run on; none for all.
         key_frame_ns: how often every task's state is logged and taken up again.
+        switch_interval_us: how long a thread that wants the interpreter waits for one that computes.
+        liveness: told of each tick of the first loop.
 
     Attributes:
         manifest: of the datagrams.
@@ -50,18 +54,16 @@ class RealTime:
         sink: TickSink,
         processors: Collection[int] = (),
         key_frame_ns: int = 1_000_000_000,
+        switch_interval_us: int = SWITCH_INTERVAL_US,
+        liveness: Liveness | None = None,
     ) -> None:
         self.manifest = manifest_of(tuple(loops))
         self._runs = connected(loops, self.manifest, key_frame_ns, input_ports, sink)
         self._output_ports, self._processors = output_ports, frozenset(processors)
+        self._switch_interval_s, self._liveness = switch_interval_us * 1e-6, liveness
         self._stop = threading.Event()
         self._failures: list[BaseException] = []
         self.refused: list[str] = []
-
-    @property
-    def compute_ns(self) -> dict[str, list[int]]:
-        """Wall time of each step so far, by loop."""
-        return {run.loop.name: run.compute_ns for run in self._runs}
 
     def stop(self) -> None:
         """Let every loop end after its present step; may be called from any thread, a port or a signal handler."""
@@ -80,7 +82,7 @@ class RealTime:
             start_ns = time.monotonic_ns() + START_AFTER_NS
         with ExitStack() as stack:
             stack.enter_context(collector_paused())
-            stack.enter_context(_switch_interval(SWITCH_INTERVAL_S))
+            stack.enter_context(_switch_interval(self._switch_interval_s))
             self._note(lock_memory())
             stack.callback(unlock_memory)
             threads = [
@@ -123,13 +125,9 @@ class RealTime:
             tick.late = done_ns > due_ns
             run.publish(max(due_ns, done_ns))
             run.log()
+            if self._liveness is not None and run is self._runs[0]:
+                self._liveness.ticked([other.index for other in self._runs], not tick.skipped, done_ns)
             run.index, tick.skipped = next_tick(run.index, start_ns, loop.period_ns, time.monotonic_ns())
-
-
-def next_tick(index: int, start_ns: int, period_ns: int, now_ns: int) -> tuple[int, int]:
-    """The next tick that is released at or after now, and how many whole periods that skips."""
-    following = max(index + 1, -(-(now_ns - start_ns) // period_ns))
-    return following, following - index - 1
 
 
 @contextmanager

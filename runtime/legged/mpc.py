@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from runtime.compiled import compiled
+from runtime.compiled import compiled, compiled_long
 from runtime.legged.friction import friction_pyramids
 from runtime.models.rigid_body import GRAVITY
 from runtime.models.rotations import rotation_z
@@ -143,7 +143,7 @@ class TrunkMpc:
         return CondensedProblem(hessian, gradient, constraints, lower, upper, (step, foot))
 
 
-@compiled
+@compiled_long
 def _condense(horizon: Horizon, weight: Array, force_weight: float) -> tuple[Array, Array, Slots, Slots]:
     """Hessian and gradient (eq 28-30), and the step and the foot of each force."""
     step, foot = np.nonzero(horizon.stance)

@@ -26,6 +26,8 @@ FAULT_NS = 1_600 * MS
 class Datagrams(list):
     """A sink that keeps what it is given."""
 
+    dropped = 0
+
     def write(self, datagram):
         self.append(datagram)
 

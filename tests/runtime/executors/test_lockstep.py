@@ -46,6 +46,8 @@ class Relay(Task):
 class Recorder(list):
     """World, ports and sink in one, that note every call in order."""
 
+    dropped = 0
+
     def __init__(self):
         super().__init__()
         self.datagrams, self.now_ns = [], 0

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.executors.realtime import RealTime, next_tick
+from runtime.executors.realtime import RealTime
 from runtime.executors.tick import Tick, entries
+from runtime.executors.timing import next_tick
 from runtime.records import Record, int64
 from runtime.tasks import Loop, Scheduled, Task
 
@@ -45,6 +46,8 @@ class Relay(Task):
 
 class Outside:
     """Ports and sink in one."""
+
+    dropped = 0
 
     def __init__(self):
         self.datagrams, self.sent = [], []

@@ -145,6 +145,8 @@ class Nowhere:
 class Datagrams(list[bytes]):
     """A sink that keeps what it is given."""
 
+    dropped = 0
+
     def write(self, datagram: bytes) -> None:
         """Keep it."""
         self.append(datagram)
