@@ -70,7 +70,7 @@ def yardstick_ms() -> list[float]:
 
 def _mpc() -> None:
     """The step of the MPC on recorded inputs, with the robot's solver and with the other one."""
-    with _recorded(SCENARIO) as walked, _recorded(STANDING) as stood:
+    with recorded(SCENARIO) as walked, recorded(STANDING) as stood:
         names = {"daqp": ["proxqp"], "proxqp": ["daqp"]}
         chosen = _solver(walked)
         rows: list[tuple[Any, ...]] = []
@@ -111,7 +111,7 @@ def _wbc() -> None:
 
     from runtime.cli.console import print_table
 
-    with _recorded(SCENARIO) as walked:
+    with recorded(SCENARIO) as walked:
         loops, tasks, log = _replayed(walked, None, {})
         names = [item.task.name for loop in loops if loop.name == "wbc" for item in loop.schedule]
         taken = np.array([[t for now, t in tasks[name].steps if now >= SETTLED_NS] for name in names]) / 1e6
@@ -205,16 +205,23 @@ def _sil() -> None:
 
 
 @contextlib.contextmanager
-def _recorded(scenario: str) -> Iterator[Path]:
-    """A short recorded run, gone afterwards."""
+def recorded(scenario: str, seconds: float = RECORDED_S, overrides: Mapping[str, str] | None = None) -> Iterator[Path]:
+    """The directory of a short recorded run, gone afterwards.
+
+    Args:
+        scenario: its name.
+        seconds: how much of it.
+        overrides: changes to the configuration.
+    """
     from runtime.cli.console import progress_bar
     from runtime.cli.sil import simulate
 
     with tempfile.TemporaryDirectory(prefix="ugv-bench-") as parent:
         directory = Path(parent) / scenario
         directory.mkdir()
-        with progress_bar(f"record {scenario}") as progress:
-            simulate(ROBOT, scenario, out=directory, until_s=RECORDED_S, progress=progress)
+        changes = "".join(f", {key} = {value}" for key, value in (overrides or {}).items())
+        with progress_bar(f"record {scenario}{changes}") as progress:
+            simulate(ROBOT, scenario, overrides=overrides, out=directory, until_s=seconds, progress=progress)
         yield directory
 
 

@@ -21,7 +21,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-ROBOT, SCENARIO = "uslgo1", "circle-6cm"
 RATES_HZ = (500, 1000)
 SLICES, SLICE_S = 12, 5.0
 STANDING_UP_S = 1.5
@@ -57,31 +56,8 @@ class TickSink:
         self.ticks.append(datagram[:128])
 
 
-class Recorded(NamedTuple):
-    """A walk: its directory and its configuration."""
-
-    directory: Path
-    config: str
-
-
-@contextlib.contextmanager
-def recorded(rate_hz: int, seconds: float) -> Iterator[Recorded]:
-    """A recorded walk with the fast loop at a rate."""
-    from runtime.cli.console import progress_bar
-    from runtime.cli.sil import simulate
-    from runtime.recording.log import Log
-
-    with tempfile.TemporaryDirectory(prefix="ugv-bench-") as parent:
-        directory = Path(parent) / SCENARIO
-        directory.mkdir()
-        with progress_bar(f"record {SCENARIO} at {rate_hz} Hz") as progress:
-            overrides = {"loops.wbc_hz": str(rate_hz)}
-            simulate(ROBOT, SCENARIO, overrides=overrides, out=directory, until_s=seconds, progress=progress)
-        yield Recorded(directory, Log(directory).config)
-
-
-def slice_of(walk: Recorded, seconds: float, bare: bool) -> Slice:
-    """The fast loop over some seconds of the walk, with the other loop beside it; `bare` leaves out every task."""
+def slice_of(walk: Path, seconds: float, bare: bool) -> Slice:
+    """The fast loop over some seconds of a recorded walk, the other loop beside it; `bare` leaves out every task."""
     import dataclasses
 
     from runtime.executors.realtime import RealTime
@@ -89,9 +65,9 @@ def slice_of(walk: Recorded, seconds: float, bare: bool) -> Slice:
     from runtime.recording.log import Log
     from runtime.robots import assemble
 
-    log, sink = Log(walk.directory), TickSink()
+    log, sink = Log(walk), TickSink()
     start_ns = time.monotonic_ns() + START_AFTER_NS
-    loops = assemble(ROBOT, walk.config)
+    loops = assemble(log.robot, log.config)
     ports: dict[str, RecordedPort] = {}
     for loop in loops:
         periods = int((STANDING_UP_S + seconds) * 1e9) // loop.period_ns
@@ -168,11 +144,12 @@ def load(wanted: bool) -> Iterator[None]:
 
 def measure(slices: int = SLICES, seconds: float = SLICE_S) -> None:
     """Measure at each rate, idle and loaded, and print."""
+    from runtime.cli.bench import SCENARIO, recorded
     from runtime.cli.console import progress_bar
 
     loads = [False, True] if shutil.which("stress-ng") else [False]
     for rate_hz in RATES_HZ:
-        with recorded(rate_hz, STANDING_UP_S + seconds + 0.5) as walk:
+        with recorded(SCENARIO, STANDING_UP_S + seconds + 0.5, {"loops.wbc_hz": str(rate_hz)}) as walk:
             for loaded in loads:
                 ours: list[Slice] = []
                 bare: list[Slice] = []
@@ -196,8 +173,8 @@ def _print(
 
     base = _median(reference)
     rows = [
-        ("WBC with its tasks, MPC beside", *_wake(ours, base), *_compute(ours), *_overruns(ours, rate_hz)),
-        ("the same loops without tasks", *_wake(bare, base), *_compute(bare), *_overruns(bare, rate_hz)),
+        ("WBC with its tasks, MPC beside", *_wake(ours, base), *_compute(ours), *_overruns(ours)),
+        ("the same loops without tasks", *_wake(bare, base), *_compute(bare), *_overruns(bare)),
     ]
     if base is not None:
         rows.append(("cyclictest", *base, 1.0, None, None, None, None))
@@ -230,7 +207,7 @@ def _compute(slices: Sequence[Slice]) -> tuple[float, float]:
     return compute[:2]
 
 
-def _overruns(slices: Sequence[Slice], rate_hz: int) -> tuple[float, int]:
+def _overruns(slices: Sequence[Slice]) -> tuple[float, int]:
     """Median share of skipped periods, and how many the tasks themselves caused in all."""
     import numpy as np
 
