@@ -25,7 +25,7 @@ from typing import Any
 from numba.core import caching
 
 _PACKAGES = Path(__file__).resolve().parents[1]
-_IMPORT = re.compile(r"^from ((?:runtime|sim_bridge)[\w.]*) import ([\w, ]*)", re.MULTILINE)
+_IMPORT = re.compile(r"^from ((?:runtime|drivers|sim_bridge)[\w.]*) import (?:\(([^)]*)\)|(.*))", re.MULTILINE)
 
 
 @cache
@@ -49,8 +49,8 @@ def _directory() -> Path:
 def _imports(file: Path) -> tuple[Path, ...]:
     """Our files that a file imports directly."""
     names = set()
-    for module, parts in _IMPORT.findall(file.read_text()):
-        names |= {module, *(f"{module}.{part.strip()}" for part in parts.split(","))}
+    for module, in_parentheses, on_the_line in _IMPORT.findall(file.read_text()):
+        names |= {module, *(f"{module}.{name}" for name in re.findall(r"\w+", in_parentheses or on_the_line))}
     found = (_PACKAGES / Path(*name.split(".")).with_suffix(".py") for name in names)
     return tuple(path for path in found if path.is_file())
 

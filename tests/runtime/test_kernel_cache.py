@@ -24,23 +24,29 @@ print(solve_positive(matrix, right)[:, 0].tolist(), sum(solve_positive.stats.cac
 
 @pytest.fixture
 def sources(tmp_path, monkeypatch):
-    """A package of three files: a imports b, b imports c."""
+    """Files of which a imports b, b imports c, and c two submodules in parentheses and one of the drivers."""
     monkeypatch.setattr(kernel_cache, "_PACKAGES", tmp_path)
     room = tmp_path / "runtime" / "room"
     room.mkdir(parents=True)
     (room / "a.py").write_text("from runtime.room import b, other\n")
     (room / "b.py").write_text("from runtime.room.c import thing\n")
-    (room / "c.py").write_text("thing = 1\n")
+    (room / "c.py").write_text(
+        "from drivers.wire import (\n    thing as same,\n)\nfrom runtime.room import (\n    d,\n    e,\n)\n"
+    )
+    (room / "d.py").write_text("thing = 1\n")
+    (room / "e.py").write_text("thing = 1\n")
     (room / "apart.py").write_text("thing = 1\n")
+    (tmp_path / "drivers").mkdir()
+    (tmp_path / "drivers" / "wire.py").write_text("thing = 1\n")
     return room
 
 
-@pytest.mark.parametrize(("changed", "matters"), [("a", True), ("b", True), ("c", True), ("apart", False)])
-def test_the_digest_is_of_the_file_and_all_that_it_imports(sources, changed, matters):
+@pytest.mark.parametrize("changed", ["a", "b", "c", "d", "e", "../../drivers/wire", "apart"])
+def test_the_digest_is_of_the_file_and_all_that_it_imports(sources, changed):
     before = source_digest.__wrapped__(sources / "a.py")
     path = sources / f"{changed}.py"
     path.write_text(path.read_text() + "more = 2\n")
-    assert (source_digest.__wrapped__(sources / "a.py") != before) == matters
+    assert (source_digest.__wrapped__(sources / "a.py") != before) == (changed != "apart")
 
 
 def launch(directory, size):
