@@ -44,13 +44,7 @@ def prioritised_motion(jacobian: Array, demand: Array) -> Array:
         motion[row] /= _damped(factors[row, row])
     for row in range(rows - 1, -1, -1):
         for column in range(motion.shape[1]):
-            share = motion[row, column]
-            for inner in range(row + 1, coordinates):
-                share += factors[row, inner] * motion[inner, column]
-            share *= scales[row]
-            motion[row, column] -= share
-            for inner in range(row + 1, coordinates):
-                motion[inner, column] -= share * factors[row, inner]
+            _reflect(factors, scales, row, motion[:, column])
     return motion
 
 
@@ -76,14 +70,20 @@ def _reflected(jacobian: Array) -> tuple[Array, Array]:
         for inner in range(row + 1, coordinates):
             factors[row, inner] /= lead
         for below in range(row + 1, rows):
-            share = factors[below, row]
-            for inner in range(row + 1, coordinates):
-                share += factors[row, inner] * factors[below, inner]
-            share *= scales[row]
-            factors[below, row] -= share
-            for inner in range(row + 1, coordinates):
-                factors[below, inner] -= share * factors[row, inner]
+            _reflect(factors, scales, row, factors[below])
     return factors, scales
+
+
+@compiled
+def _reflect(factors: Array, scales: Array, row: int, vector: Array) -> None:
+    """Apply the reflection that a row of the factors holds to a vector (n,), in place."""
+    share = vector[row]
+    for inner in range(row + 1, vector.size):
+        share += factors[row, inner] * vector[inner]
+    share *= scales[row]
+    vector[row] -= share
+    for inner in range(row + 1, vector.size):
+        vector[inner] -= share * factors[row, inner]
 
 
 @compiled
