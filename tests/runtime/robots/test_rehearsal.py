@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""After a rehearsal nothing of the loops is left to be compiled."""
+
+import subprocess
+import sys
+
+import pytest
+
+from runtime.robots import load_configuration
+from runtime.robots.uslgo1.rehearsal import rehearse
+
+
+@pytest.mark.parametrize("estimator", ["kalman", "truth"])
+@pytest.mark.parametrize("controller", ["FpMW", "FpM"])
+def test_the_robot_comes_to_walk(estimator, controller):
+    assert rehearse(load_configuration("uslgo1", {"variant.estimator": estimator, "variant.controller": controller}))
+
+
+FIRST_USES = """
+from runtime.kernel_cache import KernelCache
+from runtime.robots import load_configuration
+from runtime.robots.uslgo1.rehearsal import rehearse
+from sim_bridge import run
+
+rehearse(load_configuration("uslgo1"))
+load, used = KernelCache.load_overload, []
+KernelCache.load_overload = lambda self, *arguments: used.append(self._py_func.__module__) or load(self, *arguments)
+run._warm_up = lambda *arguments: None
+run.run_scenario("uslgo1", "flat", until_s=1.2)
+sensors = ("runtime.models.rotations",)  # the simulator's turn quaternions
+print([name for name in used if name.startswith("runtime") and name not in sensors], "sim_bridge.virtual_drive" in used)
+"""
+
+
+def test_a_walk_after_it_uses_no_kernel_for_the_first_time():
+    done = subprocess.run([sys.executable, "-c", FIRST_USES], capture_output=True, text=True, check=True)
+    assert done.stdout == "[] True\n"
