@@ -87,9 +87,28 @@ def _print_result(result: ReplayResult) -> None:
         )
     for sentence in (*result.notes, *result.broken, *map(str, result.damage)):
         print(sentence)
-    if result.skipped:
-        print(f"{result.skipped} steps lie between a gap of the log and the next key-frame, and were not taken")
+    if result.gaps or len(result.stretches) > len({stretch.loop for stretch in result.stretches}):
+        _print_stretches(result)
+    if result.recorded:
+        print(
+            f"{100.0 * result.stepped / result.recorded:.4g} % of {result.recorded} recorded ticks were stepped again"
+        )
     print(f"{result.steps} steps, {result.signals} signals compared: {_conclusion(result)}")
+
+
+def _print_stretches(result: ReplayResult) -> None:
+    from runtime.cli.console import print_table
+
+    print_table(
+        "Stretches without a gap",
+        ("loop", "from s", "to s", "first tick", "last tick", "ticks", "identical"),
+        [
+            (s.loop, f"{s.begin_ns / 1e9:.3f}", f"{s.end_ns / 1e9:.3f}", s.first, s.last, s.ticks, s.identical)
+            for s in result.stretches
+        ],
+    )
+    for gap in result.gaps:
+        print(gap)
 
 
 def _conclusion(result: ReplayResult) -> str:
@@ -103,4 +122,5 @@ def _conclusion(result: ReplayResult) -> str:
         return f"first divergence: {result.first}"
     if not result.identical:
         return "the log was altered"
-    return "identical" if result.comparing is Comparing.IDENTITY else "equal within the tolerance"
+    verdict = "identical" if result.comparing is Comparing.IDENTITY else "equal within the tolerance"
+    return f"{verdict} over every gap-free stretch" if result.gaps else verdict

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 import zlib
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,6 +55,10 @@ class BagWriter:
         setup: what is to be recorded.
         options: how.
 
+    Attributes:
+        path: of the .mcap file.
+        pending: datagrams that were not handed to the operating system yet.
+
     Raises:
         RecordingError: if the directory cannot be written, or already holds a log.
     """
@@ -62,20 +66,26 @@ class BagWriter:
     def __init__(self, directory: Path, setup: RecordingSetup, options: BagOptions) -> None:
         self.directory = directory
         self.path = directory / f"{directory.resolve().name}_0.mcap"
+        self.pending = 0
         self._options = options
         self._topics: list[TopicCount] = []
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            self._reserve = reserve_space(directory, RESERVE_BYTES)
-            self._output, self._descriptor = open_output(self.path)
-            self._file = McapFile(self._output, options.compression)
-            self._declare(setup)
-        except FileExistsError:
-            if not directory.is_dir():
-                raise RecordingError(f"{directory} is not a directory, so nothing can be recorded in it") from None
-            raise RecordingError(f"{directory} already holds a log ({self.path.name})") from None
-        except OSError as error:
-            raise RecordingError(f"cannot write a log in {directory}: {_reason(error)}") from error
+        with ExitStack() as undo:
+            try:
+                directory.mkdir(parents=True, exist_ok=True)
+                self._reserve = reserve_space(directory, RESERVE_BYTES)
+                if self._reserve is not None:
+                    undo.callback(os.close, self._reserve)
+                self._output, self._descriptor = open_output(self.path)
+                undo.callback(self._release)
+                self._file = McapFile(self._output, options.compression)
+                self._declare(setup)
+            except FileExistsError:
+                if not directory.is_dir():
+                    raise RecordingError(f"{directory} is not a directory, so nothing can be recorded in it") from None
+                raise RecordingError(f"{directory} already holds a log ({self.path.name})") from None
+            except OSError as error:
+                raise RecordingError(f"cannot write a log in {directory}: {_reason(error)}") from error
+            undo.pop_all()
         self._synced_ns = 0
         self._closed = False
 
@@ -123,6 +133,7 @@ class BagWriter:
         Raises:
             RecordingError: if the disk takes no more; what was recorded so far is closed and readable.
         """
+        self.pending += 1
         file, position, size = self._file, ENTRY.size, len(datagram)
         unpack = ENTRY.unpack_from
         view = memoryview(datagram)
@@ -162,15 +173,49 @@ class BagWriter:
         """
         try:
             self._file.close_chunk()
+            self.pending = 0
             if self._options.sync_ns and self._file.end_ns - self._synced_ns >= self._options.sync_ns:
                 os.fdatasync(self._descriptor)
                 self._synced_ns = self._file.end_ns
         except OSError as error:
-            sentence = f"cannot record any more in {self.path}: {_reason(error)}"
-            until = f"; the log is whole up to {self._file.end_ns / 1e9:.2f} s"
-            with suppress(RecordingError):
-                self.close()
-            raise RecordingError(sentence + until) from error
+            raise self._given_up(error) from error
+
+    def note(self, name: str, entries: dict[str, str]) -> None:
+        """Write a metadata record.
+
+        Raises:
+            RecordingError: if the disk takes no more; what was recorded so far is closed and readable.
+        """
+        try:
+            self._file.add_metadata(name, entries)
+        except OSError as error:
+            raise self._given_up(error) from error
+
+    @property
+    def is_in_place(self) -> bool:
+        """Whether the file is still found under its name."""
+        try:
+            return os.path.samestat(os.stat(self.path), os.fstat(self._descriptor))
+        except OSError:
+            return False
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no message has reached the file yet."""
+        return not any(self._file.message_counts)
+
+    def _given_up(self, error: OSError) -> RecordingError:
+        """Close what was recorded so far, and say why it goes no further."""
+        sentence = f"cannot record any more in {self.path}: {_reason(error)}"
+        until = f"; the log is whole up to {self._file.end_ns / 1e9:.2f} s"
+        with suppress(RecordingError):
+            self.close()
+        return RecordingError(sentence + until)
+
+    def _release(self) -> None:
+        close = getattr(self._output, "close", None)
+        if close is not None:
+            close()
 
     def close(self) -> None:
         """Write the summary and metadata.yaml. Calling it again does nothing.
@@ -189,9 +234,7 @@ class BagWriter:
                 if self._options.sync_ns:
                     os.fdatasync(self._descriptor)
             finally:
-                close = getattr(self._output, "close", None)
-                if close is not None:
-                    close()
+                self._release()
             counts = self._file.message_counts
             for channel, topic in enumerate(self._topics, start=1):
                 topic.count = counts[channel]

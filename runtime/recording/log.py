@@ -103,6 +103,11 @@ class Log:
         return self._scan.media_types
 
     @property
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """The metadata records, by name."""
+        return self._scan.metadata
+
+    @property
     def start_ns(self) -> int:
         """Log time of the earliest message."""
         return min((chunk.start_ns for chunk in self._scan.chunks), default=0)

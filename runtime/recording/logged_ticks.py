@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from runtime.executors.tick import Manifest, Tick
 from runtime.recording.bag import CHECKSUM_TOPIC_PREFIX
+from runtime.recording.continuity import Continuity, Gap
 from runtime.recording.log import Log
 
 
@@ -19,16 +20,20 @@ class LoggedTick:
     Attributes:
         loop: name of the loop.
         index: number of the tick.
+        skipped: whole periods skipped before it.
         now_ns: when it began.
         consumed: sequence number of each received signal.
+        gap: before it, if ticks of its loop are missing there.
         bodies: CDR bodies by topic: inputs, outputs and, at a key-frame, states.
         checksums: CRC-32 of each of the loop's channels, in their order; None if not logged.
     """
 
     loop: str
     index: int
+    skipped: int
     now_ns: int
     consumed: tuple[int, ...]
+    gap: Gap | None = None
     bodies: dict[str, memoryview] = field(default_factory=dict)
     checksums: memoryview | None = None
 
@@ -38,6 +43,7 @@ def logged_ticks(log: Log, manifest: Manifest) -> Iterator[LoggedTick]:
     loop_of = {channel.record.topic: channel.loop for channel in manifest.channels}
     sizes = {channel.record.topic: channel.record.cdr_size for channel in manifest.channels}
     ticks = {c.record.topic: c.record.like() for c in manifest.channels if c.role == "tick"}
+    continuity = {channel.loop: Continuity(channel.loop) for channel in manifest.channels}
     checksum_loops = {CHECKSUM_TOPIC_PREFIX + channel.loop: channel.loop for channel in manifest.channels}
     current: LoggedTick | None = None
     for topic, _, log_ns, body in log.messages({*loop_of, *checksum_loops}):
@@ -49,8 +55,15 @@ def logged_ticks(log: Log, manifest: Manifest) -> Iterator[LoggedTick]:
             if current is not None:
                 yield current
             record.load(body)
-            current = LoggedTick(loop_of[topic], record.index, record.now_ns, tuple(record.consumed.tolist()))
-            current.bodies[topic] = body
+            current = LoggedTick(
+                loop=loop_of[topic],
+                index=record.index,
+                skipped=record.skipped,
+                now_ns=record.now_ns,
+                consumed=tuple(record.consumed.tolist()),
+                gap=continuity[loop_of[topic]].take(record.index, record.skipped, record.release_ns),
+                bodies={topic: body},
+            )
         elif current is None:
             continue
         elif topic in checksum_loops:

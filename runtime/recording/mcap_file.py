@@ -136,8 +136,9 @@ class McapFile:
     def add_metadata(self, name: str, entries: dict[str, str]) -> None:
         """Append named text entries."""
         record = serialised(Metadata(name=name, metadata=entries))
-        self._metadata.append(MetadataIndex(self._position, len(record), name))
+        index = MetadataIndex(self._position, len(record), name)
         self._append(record)
+        self._metadata.append(index)
 
     def add_body(self, channel: int, sequence: int, time_ns: int, body: bytes | memoryview) -> None:
         """Add a message given by its CDR body."""

@@ -27,7 +27,8 @@ def recover(log: Log, directory: Path, progress: Callable[[float], None] | None 
         directory.mkdir(parents=True, exist_ok=True)
         output, _ = open_output(path)
         file, topics = McapFile(output), []
-        file.add_metadata("ugv", {"robot": log.robot})
+        for name, entries in log.metadata.items():
+            file.add_metadata(name, entries)
         for name, data in log.attachments.items():
             file.add_attachment(name, log.media_types[name], data)
         schemas: dict[str, int] = {}

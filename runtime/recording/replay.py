@@ -4,7 +4,7 @@
 Inputs of ports are taken from the tick that read them; signals of other loops by the sequence number that the tick
 consumed; signals within a loop are the replayed ones. Key-frames are passed as the live run passed them: every task's
 state is saved and taken up again. Over a gap (a dropped tick), and up to the start of the wanted stretch, records are
-only held; the loop is stepped again from its next key-frame on.
+only held; the loop is stepped again from a key-frame on. Periods that an overrun skipped are no gap.
 """
 
 from __future__ import annotations
@@ -13,39 +13,19 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Any
 
-from runtime.executors.tick import Manifest, manifest_of
+from runtime.executors.tick import manifest_of
 from runtime.recording import fingerprint, setup
 from runtime.recording.divergence import Comparison, Divergence
 from runtime.recording.errors import LogError
 from runtime.recording.log import Log
 from runtime.recording.logged_ticks import LoggedTick, damaged_topics, flipped_bit, logged_ticks
+from runtime.recording.loop_replay import LoopReplay
 from runtime.recording.replay_result import Comparing, Damage, ReplayResult, TaskResult
 from runtime.records import Record
 from runtime.tasks import Loop, Task, due
 
 _HISTORY = 4096
 _PROGRESS_TICKS = 64
-
-
-class _LoopReplay:
-    """One loop: its records, what was last logged of each, and whether it is being stepped."""
-
-    def __init__(self, loop: Loop, manifest: Manifest, key_frame_ns: int) -> None:
-        self.loop = loop
-        self.topics = [channel.record.topic for channel in manifest.channels if channel.loop == loop.name]
-        self.records = {record.topic: record for record in (*loop.port_inputs, *loop.writes)}
-        self.roles = {channel.record.topic: channel.role for channel in manifest.channels}
-        self.states = {item.task.state.topic: item.task for item in loop.schedule if item.task.state is not None}
-        self.key_frame_every = max(1, key_frame_ns // loop.period_ns)
-        self.held: dict[str, memoryview] = {}
-        self.last_index: int | None = None
-        self.live = False
-
-    def is_key_frame(self, tick: LoggedTick) -> bool:
-        """Whether the live run took up every state again before this step."""
-        if self.states:
-            return any(topic in tick.bodies for topic in self.states)
-        return tick.index > 0 and tick.index % self.key_frame_every == 0
 
 
 class Replay:
@@ -84,11 +64,13 @@ class Replay:
         self._comparing = comparing
         if comparing is not Comparing.TOLERANCE:
             relative = absolute = 0.0
-        self._runs = {loop.name: _LoopReplay(loop, self._manifest, key_frame_ns) for loop in self._loops}
+        self._runs = {loop.name: LoopReplay(loop, self._manifest, key_frame_ns) for loop in self._loops}
         compared = [c.record for c in self._manifest.channels if c.role in ("output", "state")]
         self._comparisons = {record.topic: Comparison(record, relative, absolute) for record in compared}
         self._received = {record.topic: record.on_change for loop in self._loops for record in loop.receives}
         self._history: dict[str, dict[int, bytes]] = {topic: {} for topic in self._received}
+        self._read_up_to = {loop.name: -1 for loop in self._loops}
+        self._gap_at = dict(self._read_up_to)
         self._ahead: deque[LoggedTick] = deque()
         self._ticks: Iterator[LoggedTick] = iter(())
 
@@ -161,6 +143,9 @@ class Replay:
         """Read one tick and remember what it gives to other loops."""
         tick = next(self._ticks, None)
         if tick is not None:
+            self._read_up_to[tick.loop] = tick.index
+            if tick.gap is not None:
+                self._gap_at[tick.loop] = tick.index
             for topic in self._history.keys() & tick.bodies.keys():
                 history = self._history[topic]
                 history[tick.index + 1] = bytes(tick.bodies[topic])
@@ -169,27 +154,23 @@ class Replay:
         return tick
 
     def _step(self, tick: LoggedTick, begin_ns: float, selected: frozenset[str], result: ReplayResult) -> None:
-        run = self._runs[tick.loop]
+        run, wanted = self._runs[tick.loop], tick.now_ns >= begin_ns
         self._note_damage(run, tick, result)
-        if run.last_index is not None and tick.index != run.last_index + 1:
-            run.live = False
-        first = tick.index == 0 and begin_ns <= tick.now_ns
-        run.last_index = tick.index
-        received = self._receive(run, tick)
-        key_frame = run.is_key_frame(tick)
-        if not received:
-            run.live = False
-        elif not run.live and tick.now_ns >= begin_ns and (first or key_frame):
-            self._start(run, tick)
-        if not run.live:
-            run.held.update(tick.bodies)
-            result.skipped += tick.now_ns >= begin_ns
+        if tick.gap is not None:
+            run.pass_gap()
+            if wanted:
+                result.gaps.append(tick.gap)
+        result.recorded += wanted
+        if not self._receive(run, tick):
+            run.stretch = None
+        elif run.stretch is None and wanted and run.can_start(tick):
+            result.stretches.append(run.start(tick))
+        run.hold(tick)
+        if run.stretch is None:
             return
-        for record in run.loop.port_inputs:
-            if record.topic in tick.bodies:
-                record.load(tick.bodies[record.topic])
-        run.held.update(tick.bodies)
-        if key_frame:
+        run.stretch.step(tick.index, tick.now_ns)
+        run.load_inputs(tick)
+        if run.is_key_frame(tick):
             self._pass_key_frame(run, tick, selected, result)
         for item in run.loop.schedule:
             if due(item, tick.index):
@@ -201,18 +182,7 @@ class Replay:
                         if record.topic in tick.bodies:
                             record.load(tick.bodies[record.topic])
 
-    def _start(self, run: _LoopReplay, tick: LoggedTick) -> None:
-        """Bring the loop into the condition in which the live run began this step."""
-        run.live = True
-        for topic, record in run.records.items():
-            if topic in run.held:
-                record.load(run.held[topic])
-        for item in run.loop.schedule:
-            state = item.task.state
-            if state is not None and state.topic in tick.bodies:
-                item.task.restore(tick.bodies[state.topic])
-
-    def _receive(self, run: _LoopReplay, tick: LoggedTick) -> bool:
+    def _receive(self, run: LoopReplay, tick: LoggedTick) -> bool:
         """Load what the step consumed; False if the log does not hold it."""
         whole = True
         for record, sequence in zip(run.loop.receives, tick.consumed, strict=True):
@@ -227,17 +197,19 @@ class Replay:
     def _find(self, record: Record, sequence: int) -> bytes | None:
         """The value that a writer published under a sequence number; reads ahead if it is logged later."""
         history = self._history[record.topic]
-        if record.on_change:
-            return history.get(max((known for known in history if known <= sequence), default=0))
-        while sequence not in history and (not history or max(history) < sequence):
+        writer = self._manifest.of_topic(record.topic).loop
+        while self._read_up_to[writer] < sequence - 1:
             tick = self._read()
             if tick is None:
                 break
             self._ahead.append(tick)
+        if record.on_change:
+            known = max((known for known in history if known <= sequence), default=0)
+            return None if known <= self._gap_at[writer] < sequence else history.get(known)
         return history.get(sequence)
 
     def _pass_key_frame(
-        self, run: _LoopReplay, tick: LoggedTick, selected: frozenset[str], result: ReplayResult
+        self, run: LoopReplay, tick: LoggedTick, selected: frozenset[str], result: ReplayResult
     ) -> None:
         for item in run.loop.schedule:
             task = item.task
@@ -247,7 +219,7 @@ class Replay:
                 self._compare(run, tick, task, task.state, tick.bodies[task.state.topic], saved, result)
             task.restore(saved)
 
-    def _compare_outputs(self, run: _LoopReplay, tick: LoggedTick, task: Task, result: ReplayResult) -> None:
+    def _compare_outputs(self, run: LoopReplay, tick: LoggedTick, task: Task, result: ReplayResult) -> None:
         row = result.tasks[task.name]
         row.steps += 1
         for record in task.writes:
@@ -263,7 +235,7 @@ class Replay:
 
     def _compare(
         self,
-        run: _LoopReplay,
+        run: LoopReplay,
         tick: LoggedTick,
         task: Task,
         record: Record,
@@ -279,12 +251,14 @@ class Replay:
         difference = comparison.first_difference(logged, replayed)
         if difference is None:
             return
+        assert run.stretch is not None
+        run.stretch.identical = False
         found = Divergence(task.name, run.loop.name, tick.index, tick.now_ns, record.topic, difference)
         result.first = result.first or found
         row = result.tasks[task.name]
         row.divergence = row.divergence or found
 
-    def _note_damage(self, run: _LoopReplay, tick: LoggedTick, result: ReplayResult) -> None:
+    def _note_damage(self, run: LoopReplay, tick: LoggedTick, result: ReplayResult) -> None:
         for topic, expected in damaged_topics(tick, run.topics):
             bit = flipped_bit(tick.bodies[topic], expected)
             difference = None

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
+from runtime.recording.continuity import Gap
 from runtime.recording.divergence import Divergence, FieldDifference, FieldShift
 
 
@@ -38,6 +39,32 @@ class Damage:
 
 
 @dataclass
+class Stretch:
+    """Ticks of one loop that were stepped one after the other.
+
+    Attributes:
+        loop: name of the loop.
+        first, last: index of the first and of the last tick.
+        begin_ns, end_ns: when these began.
+        ticks: how many; periods that an overrun skipped are none.
+        identical: nothing differed.
+    """
+
+    loop: str
+    first: int
+    last: int
+    begin_ns: int
+    end_ns: int
+    ticks: int = 0
+    identical: bool = True
+
+    def step(self, index: int, now_ns: int) -> None:
+        """Take in one more tick."""
+        self.last, self.end_ns = index, now_ns
+        self.ticks += 1
+
+
+@dataclass
 class TaskResult:
     """How one task was replayed: steps taken, outputs and states compared, and where it first left the log."""
 
@@ -66,7 +93,9 @@ class ReplayResult:
         first: the first divergence of all, in the order of the log.
         damage: recorded values that were altered after they were recorded.
         shifts: how far each field moved (only where changes were asked for, or compared with a tolerance).
-        skipped: ticks that could not be stepped, for they lie between a gap in the log and the next key-frame.
+        gaps: places where ticks are missing, in the order of the log.
+        stretches: what was stepped between them.
+        recorded: ticks of the log within the wanted time.
         notes: sentences about the log: cut off, or made elsewhere.
         broken: a sentence for each chunk or attachment that does not match its checksum.
     """
@@ -76,13 +105,20 @@ class ReplayResult:
     first: Divergence | None = None
     damage: list[Damage] = field(default_factory=list)
     shifts: list[FieldShift] = field(default_factory=list)
-    skipped: int = 0
+    gaps: list[Gap] = field(default_factory=list)
+    stretches: list[Stretch] = field(default_factory=list)
+    recorded: int = 0
     notes: list[str] = field(default_factory=list)
     broken: list[str] = field(default_factory=list)
 
     @property
+    def stepped(self) -> int:
+        """Ticks that were stepped."""
+        return sum(stretch.ticks for stretch in self.stretches)
+
+    @property
     def steps(self) -> int:
-        """Steps taken."""
+        """Steps of tasks taken."""
         return sum(task.steps for task in self.tasks.values())
 
     @property
