@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
+from runtime.records import Record
 from runtime.robots import topics
-from runtime.robots.robot import Robot
 from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.signals import BodyCommand, Fault, Gait, Mode, SafetyStatus
 from sim_bridge.courses import TIME_FACTOR, Scenario
@@ -25,6 +25,13 @@ SETTLE_AFTER_FAULT_NS = 500_000_000
 class Observer:
     """Watches the true robot, gives the push, and says when the run is over.
 
+    Args:
+        world: the true robot.
+        records: by topic, what the robot's loops write, or copies that are kept up to date.
+        config, scenario: of the run.
+        until_s: ends the run by then.
+        progress: called now and then.
+
     Attributes:
         samples: time (s), x, y (m) and yaw (rad) of the true trunk, from when it may walk.
         fell, fault: whether it fell, and why it was damped.
@@ -35,14 +42,13 @@ class Observer:
     def __init__(
         self,
         world: QuadrupedWorld,
-        robot: Robot,
+        records: Mapping[str, Record],
         config: Uslgo1Config,
         scenario: Scenario,
         until_s: float,
         progress: Progress | None,
     ) -> None:
         self._world, self._scenario, self._config, self._progress = world, scenario, config, progress
-        records = {record.topic: record for loop in robot.loops for record in loop.writes}
         self._safety: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
         self._gait: Gait = records[topics.GAIT]  # type: ignore[assignment]
         self._command: BodyCommand = records[topics.BODY_COMMAND]  # type: ignore[assignment]

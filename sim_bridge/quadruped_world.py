@@ -10,9 +10,10 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from drivers.device_end import Wires
 from drivers.dialects import Dialect
 from drivers.joints import Joint
-from drivers.memory_bus import End, MemoryBus
+from drivers.memory_bus import End
 from runtime.models.quadruped import FEET, Quadruped
 from runtime.models.rotations import quaternion_of_yaw
 from runtime.records import Record
@@ -75,7 +76,7 @@ class QuadrupedWorld:
         joints: Sequence[Joint],
         dialect: Dialect,
         terrain: HeightField | None,
-        bus: MemoryBus,
+        bus: Wires,
         seed: int,
         start_pose: tuple[float, float, float],
         joint_angles: Array,

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from drivers.device_end import Wires
 from drivers.dialects import dialect_named
 from drivers.memory_bus import MemoryBus
 from drivers.memory_ports import MemoryReader, MemoryWriter
@@ -82,24 +83,28 @@ class Wired(NamedTuple):
     outputs: dict[str, OutputPort]
 
 
-def _wire(config: Uslgo1Config, course: Scenario, seed: int) -> Wired:
-    terrain = course.terrain(seed)
-    assembled = assemble(config)
-    bus = MemoryBus(config.drives.buses, config.drives.bit_rate_hz)
-    upright = bool(course.waypoints)
-    height = config.posture.height_m if upright else config.posture.sitting_height_m
-    world = QuadrupedWorld(
+def world_of(config: Uslgo1Config, course: Scenario, terrain: HeightField, wires: Wires, seed: int) -> QuadrupedWorld:
+    """The robot at the start of a scenario: standing if it is to walk."""
+    height = config.posture.height_m if course.waypoints else config.posture.sitting_height_m
+    return QuadrupedWorld(
         config.quadruped,
         config.simulation,
         config.drives.joints(config.safety),
         dialect_named(config.drives.dialect),
         terrain,
-        bus,
+        wires,
         seed,
         course.start_pose,
         config.quadruped.standing_angles(height),
         height,
     )
+
+
+def _wire(config: Uslgo1Config, course: Scenario, seed: int) -> Wired:
+    terrain = course.terrain(seed)
+    assembled = assemble(config)
+    bus = MemoryBus(config.drives.buses, config.drives.bit_rate_hz)
+    world = world_of(config, course, terrain, bus, seed)
     inputs: dict[str, InputPort] = {
         topics.CAN_RECEIVED: MemoryReader(bus),
         topics.IMU: world.imu,
@@ -113,7 +118,7 @@ def _wire(config: Uslgo1Config, course: Scenario, seed: int) -> Wired:
 
 
 @cache
-def _warm_up(robot: str, estimator: str, controller: str) -> None:
+def rehearse(robot: str, estimator: str, controller: str) -> None:
     """Walk a few steps in vain: what is compiled or loaded at first use belongs to the times of no run."""
     config = load_configuration(robot, {"variant.estimator": estimator, "variant.controller": controller})
     wired = _wire(config, scenario_named(WARM_UP_SCENARIO), 0)
@@ -155,10 +160,11 @@ def run_scenario(
     chosen = {**(overrides or {}), "variant.estimator": estimator, "variant.controller": controller}
     config = load_configuration(robot, chosen)
     course = chosen_scenario(scenario, config, seed)
-    _warm_up(robot, estimator, controller)
+    rehearse(robot, estimator, controller)
     wired = _wire(config, course, seed)
     assembled = wired.robot
-    observer = Observer(wired.world, assembled, config, course, until_s, progress)
+    written = {record.topic: record for loop in assembled.loops for record in loop.writes}
+    observer = Observer(wired.world, written, config, course, until_s, progress)
     with ExitStack() as stack:
         sink: TickSink = NullSink()
         log = ""
@@ -170,7 +176,7 @@ def run_scenario(
                 seed,
                 assembled.joint_names,
                 revision=git_revision(),
-                extra=(Attachment(TERRAIN, "application/octet-stream", _packed(wired.terrain)),),
+                extra=(Attachment(TERRAIN, "application/octet-stream", packed(wired.terrain)),),
             )
             recorder = stack.enter_context(RecorderProcess(out, setup))
             sink, log = recorder, recorder.path.name
@@ -184,7 +190,7 @@ def run_scenario(
         "seed": seed,
         "controller": controller,
         "estimator": estimator,
-        **_outcome(observer, course),
+        **outcome_of(observer, course),
         "fell": observer.fell,
         "fault": "" if not observer.fault else str(observer.fault.name),
         "sim_time_s": reached_ns * 1e-9,
@@ -198,7 +204,8 @@ def run_scenario(
     return summary
 
 
-def _outcome(observer: Observer, course: Scenario) -> dict[str, Any]:
+def outcome_of(observer: Observer, course: Scenario) -> dict[str, Any]:
+    """The part of the summary that says how the course was gone through."""
     if not course.waypoints:
         return {"completed": observer.stood_and_sat and not observer.fault}
     path = Polyline(course.waypoints, course.closed)
@@ -225,7 +232,8 @@ def _timings(executor: Lockstep, config: Uslgo1Config) -> dict[str, Any]:
     return {**figures, "missed_deadlines": missed}
 
 
-def _packed(terrain: HeightField) -> bytes:
+def packed(terrain: HeightField) -> bytes:
+    """The ground as it is attached to the log."""
     buffer = io.BytesIO()
     arrays: dict[str, npt.ArrayLike] = {
         "x0": terrain.x_origin_m,

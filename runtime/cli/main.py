@@ -17,6 +17,7 @@ from runtime.errors import UgvError, UsageError, unknown
 
 VERBS = {
     "sil": "run a scenario in simulation, on the real wires",
+    "run": "run a robot: the service on it",
     "replay": "execute a recorded run again and compare it bit for bit",
     "report": "write the HTML report of a run",
     "log": "say what is in a log",

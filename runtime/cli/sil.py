@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="for example circle-6cm (default flat), or a CSV file with a path: x,y in metres",
     )
     parser.add_argument("--seed", type=seed, default=0, metavar="N", help="of terrain, noise and pushes (default 0)")
-    parser.add_argument("--realtime", action="store_true", help="against the wall clock (not available yet)")
+    parser.add_argument("--realtime", action="store_true", help="against the wall clock, on real buses")
     parser.add_argument(
         "--estimator", choices=ESTIMATORS, default="kalman", help="state from the sensors, or the simulator's own"
     )
@@ -37,9 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the scenario, write its directory, print its summary."""
-    for name in ("realtime", "view"):
-        if getattr(options, name):
-            raise UsageError(f"ugv sil: --{name} comes with a later version; without it the run is in virtual time")
+    if options.view:
+        raise UsageError("ugv sil: --view comes with a later version; without it the run is in virtual time")
     from runtime.cli.console import progress_bar
     from runtime.cli.output import run_directory
     from runtime.cli.summary_table import print_summary
@@ -49,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     name = f"{options.robot}-{Path(options.scenario).stem}-{options.seed}"
     with run_directory(options.out, name) as directory:
         with progress_bar(f"{options.robot} {options.scenario}") as progress:
-            summary = simulate(
+            summary = (simulate_live if options.realtime else simulate)(
                 options.robot,
                 options.scenario,
                 seed=options.seed,
@@ -75,6 +74,16 @@ def simulate(robot: str, scenario: str, **options: Any) -> dict[str, Any]:
     from sim_bridge.run import run_scenario
 
     summary: dict[str, Any] = msgspec.to_builtins(run_scenario(robot, scenario, **options))
+    return summary
+
+
+def simulate_live(robot: str, scenario: str, **options: Any) -> dict[str, Any]:
+    """Run one scenario in real time and return the content of its `summary.json`."""
+    import msgspec
+
+    from sim_bridge.live_run import run_live
+
+    summary: dict[str, Any] = msgspec.to_builtins(run_live(robot, scenario, **options))
     return summary
 
 

@@ -8,6 +8,7 @@ whole periods, so that it never runs after a backlog, and counts them.
 
 from __future__ import annotations
 
+import signal
 import sys
 import threading
 import time
@@ -100,6 +101,7 @@ class RealTime:
             self.refused.append(refusal)
 
     def _guarded(self, run: LoopRun, start_ns: int) -> None:
+        signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
         try:
             self._note(run_first(run.loop.priority))
             if self._processors:

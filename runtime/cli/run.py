@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`ugv run`: the service on the robot, one process of it or all of them."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runtime.cli.options import add_overrides
+from runtime.errors import OutputError, UsageError
+
+if TYPE_CHECKING:
+    from runtime.robots.uslgo1.config import Uslgo1Config
+
+PROCESSES = ("recorder", "link", "control")
+"""In the order in which they are started."""
+DEFAULT_RUNTIME_DIRECTORY, DEFAULT_LOG_DIRECTORY = "/run/ugv", "runs"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.add_argument("robot", metavar="ROBOT", help="for example uslgo1")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="configuration (default: the one of the robot)")
+    parser.add_argument("--process", choices=PROCESSES, help="only this one; without it, all, in one session")
+    parser.add_argument(
+        "--runtime-dir",
+        type=Path,
+        metavar="DIR",
+        default=Path(os.environ.get("RUNTIME_DIRECTORY", DEFAULT_RUNTIME_DIRECTORY)),
+        help="where the processes meet (default: RUNTIME_DIRECTORY, else /run/ugv)",
+    )
+    parser.add_argument(
+        "--log-dir",
+        type=Path,
+        metavar="DIR",
+        default=Path(os.environ.get("LOGS_DIRECTORY", DEFAULT_LOG_DIRECTORY)),
+        help="where runs are recorded (default: LOGS_DIRECTORY, else runs)",
+    )
+    add_overrides(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run what is asked for until it is told to stop."""
+    from runtime.configuration import parse_overrides
+    from runtime.robots import load_configuration
+
+    source = str(options.config) if options.config is not None else options.robot
+    config = load_configuration(source, parse_overrides(options.assignments))
+    if config.robot != options.robot:
+        raise UsageError(f"ugv run: {options.config} is a configuration of {config.robot}, not of {options.robot}")
+    try:
+        options.runtime_dir.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"--runtime-dir {options.runtime_dir}: cannot be made ({error.strerror}); give another one"
+        ) from None
+    parts: dict[str | None, Callable[[Uslgo1Config, argparse.Namespace], int]] = {
+        "control": _control,
+        "link": _link,
+        "recorder": _recorder,
+        None: _all,
+    }
+    return parts[options.process](config, options)
+
+
+def _control(config: Uslgo1Config, options: argparse.Namespace) -> int:
+    from runtime.executors.control import control
+    from runtime.robots.uslgo1.assembly import assemble
+    from runtime.robots.uslgo1.rehearsal import rehearse
+
+    rehearse(config)
+    refused = control(
+        assemble(config),
+        config.drives.interface,
+        config.drives.channels,
+        options.runtime_dir,
+        config.realtime.control_processors,
+        config.realtime.switch_interval_us,
+    )
+    for sentence in refused:
+        print(f"ugv run: {sentence}", file=sys.stderr)
+    return 0
+
+
+def _link(config: Uslgo1Config, options: argparse.Namespace) -> int:
+    raise UsageError("ugv run: the link comes with a later version")
+
+
+def _recorder(config: Uslgo1Config, options: argparse.Namespace) -> int:
+    from runtime.configuration import dump
+    from runtime.executors.companions import LINK, SIM
+    from runtime.recording.service import serve
+    from runtime.robots.uslgo1.assembly import assemble
+
+    terrain = options.runtime_dir / "terrain.npz"
+    serve(
+        assemble(config),
+        dump(config),
+        options.runtime_dir,
+        options.log_dir,
+        extra_loops=(LINK, SIM),
+        files=[terrain] if terrain.exists() else [],
+    )
+    return 0
+
+
+def _all(config: Uslgo1Config, options: argparse.Namespace) -> int:
+    """Start each process, and stop all as soon as one ends or this one is told to."""
+    import signal
+    import threading
+
+    from runtime.executors.processes import ProcessError, Processes
+
+    told = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: told.set())
+    command = [sys.executable, "-m", "runtime.cli.main", "run", options.robot]
+    command += ["--runtime-dir", str(options.runtime_dir), "--log-dir", str(options.log_dir)]
+    command += ["--config", str(options.config)] if options.config is not None else []
+    command += [part for assignment in options.assignments for part in ("--set", assignment)]
+    with Processes() as processes:
+        for name in PROCESSES:
+            processes.start(name, [*command, "--process", name])
+        while not told.wait(0.2):
+            try:
+                processes.check()
+            except ProcessError as error:
+                raise ProcessError(f"{error}; the others are stopped") from None
+    return 0

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The loops of other processes beside the robot's own: they have no tasks, but their ticks are logged with the others.
+
+A process that stalls stops what it carries to or from the control loops. The ticks tell which one it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from runtime.executors.loop_run import TickSink
+from runtime.executors.tick import ENTRY, TICK_TOPIC_PREFIX, manifest_of, tick_record
+from runtime.executors.timing import next_tick
+from runtime.tasks import Loop
+
+
+def _companion(name: str, period_ns: int, priority: int) -> Loop:
+    return Loop(name, period_ns, period_ns, priority, (), (), (), ())
+
+
+LINK = _companion("link", 10_000_000, 40)
+"""Carries messages between zenoh and the control process."""
+SIM = _companion("sim", 1_000_000, 70)
+"""Stands in for the robot."""
+
+
+def with_companions(loops: Sequence[Loop]) -> tuple[Loop, ...]:
+    """The loops whose ticks a log in real time holds; channels are numbered in this order."""
+    return (*loops, LINK, SIM)
+
+
+class CompanionTicks:
+    """Keeps the time of a companion, and logs its ticks.
+
+    Args:
+        loops: of the robot.
+        companion: one of the above.
+        sink: takes the datagrams.
+        start_ns: first release, on the monotonic clock.
+    """
+
+    def __init__(self, loops: Sequence[Loop], companion: Loop, sink: TickSink, start_ns: int) -> None:
+        self._period_ns, self._start_ns, self._sink = companion.period_ns, start_ns, sink
+        self._tick = tick_record(companion)
+        number = manifest_of(with_companions(loops)).of_topic(TICK_TOPIC_PREFIX + companion.name).number
+        self._head = ENTRY.pack(number, self._tick.cdr_size)
+        self._index = 0
+
+    @property
+    def release_ns(self) -> int:
+        """When the next tick is due."""
+        return self._start_ns + self._index * self._period_ns
+
+    def done(self, began_ns: int, done_ns: int) -> None:
+        """Log a tick that was due at `release_ns`, and go on to the next one that is not past."""
+        tick = self._tick
+        tick.index, tick.release_ns, tick.now_ns = self._index, self.release_ns, began_ns
+        tick.wake_latency_ns, tick.compute_ns = began_ns - tick.release_ns, done_ns - began_ns
+        tick.late, tick.dropped = done_ns > tick.release_ns + self._period_ns, self._sink.dropped
+        self._sink.write(self._head + tick.to_bytes())
+        self._index, tick.skipped = next_tick(self._index, self._start_ns, self._period_ns, done_ns)

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The control process: a robot's loops on its buses, its inputs in shared files, its ticks told to other processes.
+
+Nothing else lives in it: the loops' threads, and a main thread that sleeps until it is told to stop.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Collection, Sequence
+from pathlib import Path
+
+from drivers.socket_ports import SocketReader, SocketWriter, open_ends
+from drivers.sockets import open_bus
+from runtime.executors.liveness import Liveness
+from runtime.executors.loop_run import InputPort
+from runtime.executors.notify import Notifier
+from runtime.executors.realtime import RealTime
+from runtime.executors.shared_ports import EventPort, LatestPort
+from runtime.executors.tick_stream import TickStream, TickStreams
+from runtime.robots import topics
+from runtime.robots.robot import Robot
+
+EVENTS = (topics.OPERATOR_EVENT, topics.PATH)
+"""Topics of which every value counts, not only the newest."""
+OBSERVER = "observer.sock"
+STREAMS = ("recorder.sock", "link.sock", OBSERVER)
+"""Socket files in the runtime directory of those who may listen to the ticks."""
+
+
+def control(
+    robot: Robot,
+    interface: str,
+    channels: Sequence[str],
+    directory: Path,
+    processors: Collection[int] = (),
+    switch_interval_us: int = 100,
+) -> list[str]:
+    """Run a robot until SIGTERM or SIGINT.
+
+    Args:
+        robot: assembled; rehearsed before, or its first ticks are late.
+        interface: of python-can, by which the buses are opened.
+        channels: of that interface, one a bus.
+        directory: runtime directory, shared with the other processes.
+        processors: that the loops may run on; none for all.
+        switch_interval_us: see `RealTime`.
+
+    Returns:
+        What the system did not grant, as sentences.
+
+    Raises:
+        DriverConfigError: if a bus cannot be opened.
+    """
+    buses = [open_bus(interface, channel) for channel in channels]
+    try:
+        ends = open_ends([bus.fileno() for bus in buses])
+        inputs: dict[str, InputPort] = {topics.CAN_RECEIVED: SocketReader(ends)}
+        for loop in robot.loops:
+            for record in loop.port_inputs:
+                port = EventPort if record.topic in EVENTS else LatestPort
+                inputs.setdefault(record.topic, port(directory))
+        executor = RealTime(
+            robot.loops,
+            inputs,
+            {topics.CAN_SENT: SocketWriter(ends)},
+            TickStreams(*(TickStream(directory / name) for name in STREAMS)),
+            processors,
+            switch_interval_us=switch_interval_us,
+            liveness=Liveness(Notifier()),
+        )
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: executor.stop())
+        executor.run()
+    finally:
+        for bus in buses:
+            bus.shutdown()
+    return executor.refused

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Processes that belong together: started in order, none outlives the one that started them, all stopped in order."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from types import TracebackType
+
+from runtime.errors import UgvError
+
+STOP_WITHIN_S = 10.0
+_PR_SET_PDEATHSIG = 1
+_LIBC = ctypes.CDLL(None, use_errno=True)
+
+
+class ProcessError(UgvError):
+    """A process that ended when it should not, or did not come up."""
+
+    exit_code = 1
+
+
+def _die_with_parent() -> None:
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+class Processes:
+    """Subprocesses by name, each in a process group of its own. The starting thread must live as long as they do.
+
+    Use as a context manager: leaving it stops them, the last one started first.
+    """
+
+    def __init__(self) -> None:
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(
+        self, name: str, command: Sequence[str], environment: Mapping[str, str] | None = None, piped: bool = False
+    ) -> subprocess.Popen[bytes]:
+        """Start a process; `piped` gives its standard input and output to the caller."""
+        pipe = subprocess.PIPE if piped else None
+        process = subprocess.Popen(
+            command,
+            stdin=pipe if piped else subprocess.DEVNULL,
+            stdout=pipe,
+            env={**os.environ, **(environment or {})},
+            start_new_session=True,
+            preexec_fn=_die_with_parent,
+        )
+        self._running[name] = process
+        return process
+
+    def pid(self, name: str) -> int:
+        """Process id of one of them."""
+        return self._running[name].pid
+
+    @property
+    def ended(self) -> dict[str, int]:
+        """Names and return codes of those that have ended by themselves."""
+        codes = {name: process.poll() for name, process in self._running.items()}
+        return {name: code for name, code in codes.items() if code is not None}
+
+    def check(self) -> None:
+        """Look after them.
+
+        Raises:
+            ProcessError: if one has ended.
+        """
+        for name, code in self.ended.items():
+            raise ProcessError(f"the process {name} {how_it_ended(code)}")
+
+    def stop(self, name: str, within_s: float = STOP_WITHIN_S) -> int:
+        """End one with SIGTERM, or with SIGKILL if that takes too long; returns its code."""
+        process = self._running.pop(name)
+        if process.poll() is None:
+            process.terminate()
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(within_s)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        for stream in (process.stdin, process.stdout):
+            if stream is not None:
+                stream.close()
+        return process.wait()
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for name in reversed(tuple(self._running)):
+            self.stop(name)
+
+
+def how_it_ended(code: int) -> str:
+    """A return code in words."""
+    return f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"

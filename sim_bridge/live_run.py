@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One scenario against the wall clock: control, link, recorder and simulator as processes, on real buses."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import msgspec
+import numpy as np
+
+from runtime.configuration import dump
+from runtime.executors.processes import ProcessError, Processes, how_it_ended
+from runtime.executors.tick import TICK_TOPIC_PREFIX
+from runtime.recording.log import Log
+from runtime.robots import load_configuration
+from runtime.robots.uslgo1.config import Uslgo1Config
+from sim_bridge.observer import Progress
+from sim_bridge.process import Task
+from sim_bridge.run import chosen_scenario, packed
+
+HUB = "ugv-unix"
+
+
+def run_live(
+    robot: str,
+    scenario: str,
+    *,
+    seed: int = 0,
+    estimator: str = "kalman",
+    controller: str = "FpMW",
+    overrides: Mapping[str, str] | None = None,
+    out: Path,
+    until_s: float = math.inf,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Run a scenario in real time; arguments and result as those of `run_scenario`.
+
+    Raises:
+        UgvError: for an unknown robot, scenario or key, or a process that ended before the run.
+    """
+    chosen = {**(overrides or {}), "variant.estimator": estimator, "variant.controller": controller}
+    course = chosen_scenario(scenario, load_configuration(robot, chosen), seed)
+    with runtime_directory() as directory:
+        channels = [str(directory / f"can{bus}") for bus in range(load_configuration(robot, chosen).drives.buses)]
+        config = load_configuration(robot, {**chosen, "drives.interface": HUB, "drives.channels": json.dumps(channels)})
+        (directory / "config.toml").write_text(dump(config))
+        (directory / "terrain.npz").write_bytes(packed(course.terrain(seed)))
+        task = Task(
+            str(directory / "config.toml"),
+            scenario if not scenario.lower().endswith(".csv") else str(Path(scenario).resolve()),
+            seed,
+            str(directory),
+            until_s if math.isfinite(until_s) else None,
+        )
+        outcome = _run(robot, directory, task, progress)
+        _take_log(directory / "log", out)
+    summary = {
+        "robot": robot,
+        "scenario": scenario,
+        "seed": seed,
+        "controller": controller,
+        "estimator": estimator,
+        **outcome,
+        **_timings(out, config),
+        "realtime": True,
+        "log": f"{out.resolve().name}_0.mcap",
+    }
+    (out / "summary.json").write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
+    return summary
+
+
+@contextmanager
+def runtime_directory() -> Iterator[Path]:
+    """A directory in memory for the processes of one run."""
+    base = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
+    with tempfile.TemporaryDirectory(prefix="ugv-", dir=base) as directory:
+        yield Path(directory)
+
+
+def _run(robot: str, directory: Path, task: Task, progress: Progress | None) -> dict[str, Any]:
+    ugv = [sys.executable, "-m", "runtime.cli.main", "run", robot, "--config", task.config]
+    ugv += ["--runtime-dir", str(directory), "--log-dir", str(directory / "log"), "--process"]
+    with Processes() as processes:
+        processes.start("recorder", [*ugv, "recorder"])
+        simulator = processes.start("sim", [sys.executable, "-m", "sim_bridge.process"], piped=True)
+        assert simulator.stdin is not None
+        assert simulator.stdout is not None
+        simulator.stdin.write(msgspec.json.encode(task) + b"\n")
+        simulator.stdin.flush()
+        answers = _answers(simulator.stdout)
+        for sentence in _first(answers, "ready").get("refused", []):
+            print(f"ugv sil: the simulator has {sentence}", file=sys.stderr)
+        processes.start("control", [*ugv, "control"])
+        for answer in answers:
+            if "outcome" in answer:
+                outcome: dict[str, Any] = answer["outcome"]
+                break
+            if progress is not None and "progress" in answer:
+                progress(*answer["progress"])
+            processes.check()
+        else:
+            code = processes.stop("sim")
+            raise ProcessError(f"the simulator {how_it_ended(code)} before the run was over")
+        processes.stop("control")
+        processes.stop("recorder")
+    return outcome
+
+
+def _answers(stream: IO[bytes]) -> Iterator[dict[str, Any]]:
+    for line in stream:
+        yield json.loads(line)
+
+
+def _first(answers: Iterator[dict[str, Any]], key: str) -> dict[str, Any]:
+    for answer in answers:
+        if key in answer:
+            return answer
+    raise ProcessError("the simulator ended before it was ready")
+
+
+def _take_log(logs: Path, out: Path) -> None:
+    """Move the one bag of a run to where the run is wanted, under its name."""
+    bags = sorted(logs.iterdir())
+    if len(bags) != 1:
+        raise ProcessError(f"the recorder made {len(bags)} bags of one run")
+    for file in bags[0].iterdir():
+        name = file.name.replace(bags[0].name, out.resolve().name)
+        shutil.move(file, out / name)
+    metadata = out / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace(bags[0].name, out.resolve().name))
+
+
+def _timings(out: Path, config: Uslgo1Config) -> dict[str, Any]:
+    """Times of the loops' steps, ms, and how many periods they missed, from the ticks."""
+    log = Log(out)
+    figures: dict[str, Any] = {}
+    missed: dict[str, int] = {}
+    for name in ("wbc", "mpc"):
+        ticks = log.read_signal(TICK_TOPIC_PREFIX + name).values
+        median, p99 = np.percentile(ticks["compute_ns"], (50, 99)) * 1e-6
+        figures[f"{name}_ms"] = {
+            "median": float(median),
+            "p99": float(p99),
+            "max": float(ticks["compute_ns"].max()) * 1e-6,
+        }
+        missed[name] = int(ticks["skipped"].sum())
+    return {**figures, "missed_deadlines": missed}

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated robot against the wall clock: its drives on real buses, its sensors' samples handed on.
+
+World time begins with the first frame that reaches a drive, as a robot's begins when it is switched on. A world that
+was late goes on with as many steps as have come due, so that its time stays that of the wall clock.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from drivers.device_end import Wires
+from drivers.memory_bus import End
+from runtime.executors.collector import collector_paused
+from runtime.executors.companions import CompanionTicks
+from runtime.executors.linux import Alarm
+from runtime.executors.loop_run import InputPort
+from runtime.records import Record
+from sim_bridge.quadruped_world import QuadrupedWorld
+
+START_AFTER_NS = 5_000_000
+POLL_NS = 1_000_000
+
+
+class Outlet(Protocol):
+    """Where what a sensor or the operator says leaves the simulator."""
+
+    def publish(self, record: Record, start_ns: int) -> None:
+        """Send the record.
+
+        Args:
+            record: stamped in world time.
+            start_ns: of world time, on the monotonic clock.
+        """
+
+
+Source = tuple[Record, InputPort, Outlet]
+"""A sensor (or the operator), the record that it fills, and where that goes."""
+
+
+class LiveWorld:
+    """Runs a world in real time.
+
+    Args:
+        world: whose buses are real.
+        wires: those buses.
+        step_ns: of its physics.
+        sources: looked at after every step.
+        ticks: logs each tick, given the time of its first release.
+    """
+
+    def __init__(
+        self,
+        world: QuadrupedWorld,
+        wires: Wires,
+        step_ns: int,
+        sources: Sequence[Source],
+        ticks: Callable[[int], CompanionTicks],
+    ) -> None:
+        self._world, self._wires, self._step_ns = world, wires, step_ns
+        self._sources, self._ticks = tuple(sources), ticks
+        self.start_ns = 0
+
+    def run(self, over: Callable[[int], bool]) -> int:
+        """Wait for the first frame, then run until `over(world time)`; returns the world time reached."""
+        alarm = Alarm()
+        with collector_paused():
+            self._wait(alarm, over)
+            self.start_ns = time.monotonic_ns() + START_AFTER_NS
+            ticks, now_ns = self._ticks(self.start_ns), 0
+            while not over(now_ns):
+                alarm.sleep_until(ticks.release_ns)
+                began_ns = time.monotonic_ns()
+                now_ns = (began_ns - self.start_ns) // self._step_ns * self._step_ns
+                self._world.advance(now_ns)
+                for record, port, outlet in self._sources:
+                    if port.read(record, now_ns):
+                        outlet.publish(record, self.start_ns)
+                ticks.done(began_ns, time.monotonic_ns())
+        return now_ns
+
+    def _wait(self, alarm: Alarm, over: Callable[[int], bool]) -> None:
+        while not self._wires.receive(End.DEVICE, 0).bus.size and not over(0):
+            alarm.sleep_until(time.monotonic_ns() + POLL_NS)
