@@ -5,12 +5,9 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import shutil
 import sys
-import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
@@ -19,6 +16,7 @@ import numpy as np
 
 from runtime.configuration import dump
 from runtime.executors.processes import ProcessError, Processes, how_it_ended
+from runtime.executors.runtime_directory import runtime_directory
 from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.recording.log import Log
 from runtime.robots import load_configuration
@@ -61,8 +59,8 @@ def run_live(
             str(directory),
             until_s if math.isfinite(until_s) else None,
         )
-        outcome = _run(robot, directory, task, progress)
-        _take_log(directory / "log", out)
+        outcome = _run(robot, directory, out, task, progress)
+    _take_log(out)
     summary = {
         "robot": robot,
         "scenario": scenario,
@@ -78,17 +76,9 @@ def run_live(
     return summary
 
 
-@contextmanager
-def runtime_directory() -> Iterator[Path]:
-    """A directory in memory for the processes of one run."""
-    base = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
-    with tempfile.TemporaryDirectory(prefix="ugv-", dir=base) as directory:
-        yield Path(directory)
-
-
-def _run(robot: str, directory: Path, task: Task, progress: Progress | None) -> dict[str, Any]:
+def _run(robot: str, directory: Path, out: Path, task: Task, progress: Progress | None) -> dict[str, Any]:
     ugv = [sys.executable, "-m", "runtime.cli.main", "run", robot, "--config", task.config]
-    ugv += ["--runtime-dir", str(directory), "--log-dir", str(directory / "log"), "--process"]
+    ugv += ["--runtime-dir", str(directory), "--log-dir", str(out.resolve()), "--process"]
     with Processes() as processes:
         processes.start("recorder", [*ugv, "recorder"])
         simulator = processes.start("sim", [sys.executable, "-m", "sim_bridge.process"], piped=True)
@@ -127,14 +117,15 @@ def _first(answers: Iterator[dict[str, Any]], key: str) -> dict[str, Any]:
     raise ProcessError("the simulator ended before it was ready")
 
 
-def _take_log(logs: Path, out: Path) -> None:
-    """Move the one bag of a run to where the run is wanted, under its name."""
-    bags = sorted(logs.iterdir())
+def _take_log(out: Path) -> None:
+    """Move the one bag of a run from a directory of its own into that of the run, and name it after that."""
+    bags = [path for path in out.iterdir() if path.is_dir()]
     if len(bags) != 1:
-        raise ProcessError(f"the recorder made {len(bags)} bags of one run")
+        raise ProcessError(f"the recorder made {len(bags)} bags of one run in {out}")
     for file in bags[0].iterdir():
         name = file.name.replace(bags[0].name, out.resolve().name)
         shutil.move(file, out / name)
+    bags[0].rmdir()
     metadata = out / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace(bags[0].name, out.resolve().name))
 

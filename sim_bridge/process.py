@@ -21,6 +21,7 @@ from drivers.device_end import open_device_end
 from runtime.executors.companions import SIM, CompanionTicks
 from runtime.executors.control import OBSERVER
 from runtime.executors.linux import lock_memory, run_first
+from runtime.executors.runtime_directory import remove_if_orphaned
 from runtime.executors.tick_stream import TickListener, TickStream
 from runtime.recording.service import SOCKET
 from runtime.robots import load_configuration, topics
@@ -96,6 +97,7 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
     finally:
         listener.close()
         wires.close()
+        remove_if_orphaned(directory)
     return {
         **outcome_of(observer, course),
         "fell": observer.fell,

@@ -20,8 +20,9 @@ def _companion(name: str, period_ns: int, priority: int) -> Loop:
 
 LINK = _companion("link", 10_000_000, 40)
 """Carries messages between zenoh and the control process."""
-SIM = _companion("sim", 1_000_000, 70)
-"""Stands in for the robot."""
+SIM = _companion("sim", 1_000_000, 50)
+"""Stands in for the robot. No process may have a priority between those of the control loops: it could hold up one that
+has the interpreter while another waits for it."""
 
 
 def with_companions(loops: Sequence[Loop]) -> tuple[Loop, ...]:

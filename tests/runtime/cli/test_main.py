@@ -72,7 +72,6 @@ def test_unknown_verb_names_the_closest(capsys: pytest.CaptureFixture[str]) -> N
         (["sil", "uslgo1", "flat", "--seed", "-1"], "-1 is not from 0"),
         (["sil", "uslgo1", "flat", "--estimator", "guess"], "--estimator"),
         (["sil", "uslgo1", "flat", "--frobnicate"], "--frobnicate"),
-        (["sil", "uslgo1", "flat", "--realtime"], "--realtime comes with a later version"),
         (["sil", "uslgo1", "flat", "--view"], "--view comes with a later version"),
         (["sil", "uslgo1", "flat", "--set", "wbc.rate_hz"], "wants KEY=VALUE"),
         (["replay", "/no/such/run"], "/no/such/run: there is no such run"),
