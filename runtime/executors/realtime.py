@@ -79,13 +79,13 @@ class RealTime:
         Raises:
             BaseException: what a loop raised; the others are then stopped.
         """
-        if start_ns is None:
-            start_ns = time.monotonic_ns() + START_AFTER_NS
         with ExitStack() as stack:
             stack.enter_context(collector_paused())
             stack.enter_context(_switch_interval(self._switch_interval_s))
             self._note(lock_memory())
             stack.callback(unlock_memory)
+            if start_ns is None:
+                start_ns = time.monotonic_ns() + START_AFTER_NS
             threads = [
                 threading.Thread(target=self._guarded, args=(run, start_ns), name=run.loop.name) for run in self._runs
             ]

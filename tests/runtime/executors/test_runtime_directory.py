@@ -27,9 +27,8 @@ def test_it_is_there_during_the_run_and_gone_after_it(base):
 
 def test_the_next_run_removes_what_a_killed_one_left_and_nothing_else(base):
     code = "from runtime.executors import runtime_directory as m; from pathlib import Path; import signal\n"
-    code += (
-        f"m._base = lambda: Path({str(base)!r})\nwith m.runtime_directory() as d: print(d, flush=True); signal.pause()"
-    )
+    code += f"m._base = lambda: Path({str(base)!r})\n"
+    code += "with m.runtime_directory() as d: print(d, flush=True); signal.pause()"
     (base / "ugv-run-of-nobody").mkdir()
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
         left = process.stdout.readline().strip()
