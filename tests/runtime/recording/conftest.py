@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from runtime import signals
-from runtime.executors.lockstep import Lockstep
+from runtime.executors.lockstep import Delays, Lockstep, no_delay
 from runtime.executors.realtime import RealTime
 from runtime.recording.bag import BagOptions, BagSink
 from runtime.recording.setup import Attachment, RecordingSetup, recording_setup
@@ -152,11 +152,13 @@ class Datagrams(list[bytes]):
         self.append(datagram)
 
 
-def datagrams(seconds: float = 0.5, seed: int = 0, key_frame_ns: int = 100_000_000) -> Datagrams:
+def datagrams(
+    seconds: float = 0.5, seed: int = 0, key_frame_ns: int = 100_000_000, delays: Delays = no_delay
+) -> Datagrams:
     """What a run of the tiny robot hands to its recorder."""
     sink = Datagrams()
     ports = {"/ugv/joint_state": Sensor(seed), "/ugv/imu": Sensor(seed + 1)}
-    run = Lockstep(make_loops(), ports, {}, Nowhere(), sink, key_frame_ns)
+    run = Lockstep(make_loops(), ports, {}, Nowhere(), sink, key_frame_ns, delays)
     run.run(int(seconds * 1e9), lambda now_ns: now_ns >= seconds * 1e9)
     return sink
 

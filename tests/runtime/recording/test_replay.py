@@ -6,8 +6,11 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
@@ -64,7 +67,7 @@ def test_replay_is_identical(toy, recorded):
     assert {name: task.signals for name, task in result.tasks.items()} == {"filter": 500, "body": 168, "planner": 50}
     assert result.tasks["filter"].states == 4
     assert [task.verdict for task in result.tasks.values()] == ["identical"] * 3
-    assert result.skipped == 0
+    assert (result.stepped, result.recorded, result.gaps) == (275, 275, [])
 
 
 def test_a_run_in_real_time_is_replayed_bit_for_bit(toy, tmp_path):
@@ -156,17 +159,88 @@ def test_a_flipped_byte_of_the_file_is_found(toy, recorded, tmp_path):
     assert "stamp_ns is 120000001 in the log and was recorded as 120000000" in str(result.damage[0])
 
 
-def test_over_a_gap_the_loop_is_taken_up_at_the_next_key_frame(toy, recorded, tmp_path):
-    lost = {120, 121, 122}
+def without(source, target, loop, lost):
+    """A copy of a log in which some ticks of a loop are missing."""
+    own = {f"/ugv/tick/{loop}", f"/ugv/checksum/{loop}", *LOGGED_BY[loop]}
+    return rewrite(source, target, lambda topic, n, data: None if topic in own and n in lost else data)
 
-    def drop(topic, sequence, data):
-        return None if sequence in lost and "slow" not in topic else data
 
-    log = rewrite(file_of(recorded), tmp_path / "x.mcap", drop)
+LOGGED_BY = {
+    "fast": {"/ugv/joint_state", "/ugv/imu", "/ugv/filtered", "/ugv/note", "/ugv/state/filter", "/ugv/body_state"},
+    "slow": {"/ugv/plan", "/ugv/body_command"},
+}
+
+
+def test_over_a_gap_the_loop_is_taken_up_where_everything_it_wrote_is_known(toy, recorded, tmp_path):
+    """At the key-frame of tick 150 `/ugv/note`, logged on change, is known only as it is after that tick."""
+    log = without(file_of(recorded), tmp_path / "x.mcap", "fast", {120, 121, 122})
     result = Replay(log, toy.loops(), "toy").run()
     assert result.identical
-    assert result.tasks["filter"].steps == 120 + (250 - 150)
-    assert result.skipped == 150 - 123
+    assert result.tasks["filter"].steps == 120 + (250 - 200)
+    fast = [(s.first, s.last, s.ticks) for s in result.stretches if s.loop == "fast"]
+    assert fast == [(0, 119, 120), (200, 249, 50)]
+    [gap] = result.gaps
+    assert (gap.loop, gap.after, gap.before, gap.missing) == ("fast", 119, 123, 3)
+    assert str(gap) == ("fast: up to 3 ticks are missing between tick 119 (0.238 s) and tick 123 (0.246 s)")
+    assert result.recorded - result.stepped == 200 - 123 + sum(
+        not any(s.first <= n <= s.last for s in result.stretches if s.loop == "slow") for n in range(25)
+    )
+
+
+def test_a_loop_that_received_what_is_missing_is_taken_up_at_its_next_key_frame(toy, recorded, tmp_path):
+    log = without(file_of(recorded), tmp_path / "x.mcap", "slow", {7})
+    result = Replay(log, toy.loops(), "toy").run()
+    assert result.identical
+    stretches = {loop: [(s.first, s.last) for s in result.stretches if s.loop == loop] for loop in ("fast", "slow")}
+    assert stretches == {"fast": [(0, 74), (100, 249)], "slow": [(0, 6), (10, 24)]}
+
+
+def test_a_log_that_begins_in_the_middle_is_replayed_from_a_key_frame_on(toy, tmp_path):
+    sink = BagSink(tmp_path / "run", toy.setup(), toy.small_chunks)
+    for datagram in toy.datagrams(seconds=1.0)[100:]:
+        sink.write(datagram)
+    sink.close()
+    result = Replay(Log(tmp_path / "run"), toy.loops(), "toy").run()
+    assert result.identical
+    assert sorted(str(gap).split(",")[0].split(" (")[0] for gap in result.gaps) == [
+        "fast is recorded from its tick 91 on",
+        "slow is recorded from its tick 9 on",
+    ]
+    assert [(s.loop, s.first, s.last) for s in result.stretches] == [("fast", 150, 499), ("slow", 15, 49)]
+
+
+def test_periods_that_overruns_skipped_are_no_gap(toy, tmp_path):
+    """Tasks with a schedule of their own step at the same indices as they did live, key-frames included."""
+
+    def delays(loop, index):
+        return (5_000_000 if index % 7 == 3 else 0) if loop == "fast" else (90_000_000 if index in (4, 11) else 0)
+
+    given = toy.datagrams(seconds=1.0, delays=delays)
+    result = Replay(Log(toy.written(given, tmp_path / "run")), toy.loops(), "toy").run()
+    assert result.identical
+    assert (result.gaps, result.stepped, result.recorded) == ([], len(given), len(given))
+    assert len(given) < 500, "periods were skipped"
+
+
+@settings(max_examples=25)
+@given(lost=st.sets(st.integers(0, 274), max_size=12), skipping=st.booleans())
+def test_whatever_is_dropped_the_rest_is_replayed_identically(toy, tmp_path_factory, lost, skipping):
+    run = toy.datagrams(delays=lambda loop, index: 5_000_000 * (skipping and index % 11 == 5))
+    kept = [datagram for number, datagram in enumerate(run) if number not in lost]
+    log = Log(toy.written(kept, tmp_path_factory.mktemp("lossy") / "run"))
+    result = Replay(log, toy.loops(), "toy").run()
+    assert result.first is None
+    assert all(stretch.identical for stretch in result.stretches)
+    assert result.recorded == len(kept)
+    places: dict[bytes, list[int]] = {}
+    for number, datagram in enumerate(run):
+        places.setdefault(datagram[:2], []).append(number)
+    breaks = sum(
+        after not in lost and before in lost for numbers in places.values() for before, after in pairwise(numbers)
+    )
+    assert len(result.gaps) == breaks
+    if not lost:
+        assert result.stepped == result.recorded
 
 
 def test_a_changed_parameter_moves_the_outputs(toy, recorded):
