@@ -81,12 +81,12 @@ class Sending(NamedTuple):
     Attributes:
         situation: after it.
         accepted: rows of the batch that found room, None for all.
-        lost: how many did not.
+        lost: bus of each frame that did not.
     """
 
     situation: Situation
     accepted: Rows | None
-    lost: int
+    lost: tuple[int, ...]
 
 
 class Delivery(NamedTuple):
@@ -98,7 +98,7 @@ class Delivery(NamedTuple):
         bus: of each.
         arrival_ns: of each, relative to the old reference.
         kept: rows that stay on the buses.
-        lost: frames lost at each end for lack of room.
+        lost: for each end, bus of each frame that it lost for lack of room.
     """
 
     situation: Situation
@@ -106,7 +106,7 @@ class Delivery(NamedTuple):
     bus: npt.NDArray[np.uint8]
     arrival_ns: npt.NDArray[np.int64]
     kept: Rows
-    lost: tuple[int, int]
+    lost: tuple[tuple[int, ...], tuple[int, ...]]
 
 
 class Timetable:
@@ -136,6 +136,7 @@ class Timetable:
         times = [ready_ns] * len(bus) if isinstance(ready_ns, int) else np.frombuffer(ready_ns, np.int64).tolist()
         waiting = list(before.waiting)
         accepted: list[int] = []
+        lost: list[int] = []
         row = len(waiting) + sum(map(len, before.arrived))
         frames = np.frombuffer(heads.to_bytes(FRAME_SIZE * len(bus), "little"), CAN_FRAME)
         fields = zip(bus, frames["can_id"].tolist(), frames["length"].tolist(), times, strict=True)
@@ -146,9 +147,10 @@ class Timetable:
                 priority, duration_ns = self._airtime(can_id, length)
                 waiting.append(Waiting(priority, row + len(accepted), duration_ns, end, wire, ready))
                 accepted.append(index)
-        lost = len(bus) - len(accepted)
+            else:
+                lost.append(wire)
         after = self._situation(before.free_ns, tuple(waiting), before.arrived)
-        return Sending(after, _rows(accepted) if lost else None, lost)
+        return Sending(after, _rows(accepted) if lost else None, tuple(lost))
 
     def _airtime(self, can_id: int, length: int) -> tuple[int, int]:
         """Priority of a frame, and ns that it occupies the bus."""
@@ -165,17 +167,18 @@ class Timetable:
             free.append(max(free_ns - until_ns, _FORGOTTEN_NS))
             waiting += left
             carried += done
-        queues, lost = (list(before.arrived[0]), list(before.arrived[1])), [0, 0]
+        queues = (list(before.arrived[0]), list(before.arrived[1]))
+        lost: tuple[list[int], list[int]] = [], []
         for frame, receiver in sorted(carried):
             if len(queues[receiver]) < self._receive_capacity:
                 queues[receiver].append(frame)
             else:
-                lost[receiver] += 1
+                lost[receiver].append(frame.bus)
         for queue in queues:
             queue.sort()
         taken = [frame for frame in queues[end] if frame.arrival_ns <= until_ns][:limit]
         del queues[end][: len(taken)]
-        return self._delivery(free, waiting, queues, taken, until_ns, (lost[0], lost[1]))
+        return self._delivery(free, waiting, queues, taken, until_ns, (tuple(lost[0]), tuple(lost[1])))
 
     def _delivery(
         self,
@@ -184,7 +187,7 @@ class Timetable:
         queues: tuple[list[Arrived], list[Arrived]],
         taken: Sequence[Arrived],
         until_ns: int,
-        lost: tuple[int, int],
+        lost: tuple[tuple[int, ...], tuple[int, ...]],
     ) -> Delivery:
         kept = sorted([w.row for w in waiting] + [a.row for queue in queues for a in queue])
         row_of = {row: index for index, row in enumerate(kept)}

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from drivers.can_frame import CAN_FRAME, FRAME_SIZE, Frames
 from drivers.errors import DriverConfigError
 from drivers.memory_bus import End, Received
-from drivers.sockets import UNIX, open_bus
+from drivers.opening import UNIX, open_bus
 from drivers.unix_hub import UnixHub
 
 _MOST_FRAMES = 256

@@ -64,8 +64,10 @@ class UnixCanBus(can.BusABC):
     def __init__(self, channel: str, can_filters: Any = None, **options: object) -> None:
         self.channel, self.channel_info = str(channel), f"CAN hub at {channel}"
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._socket.setblocking(False)  # a hub that hangs must not hang those who look for it
         try:
             self._socket.connect(self.channel)
+            self._socket.setblocking(True)
         except OSError as error:
             self._socket.close()
             raise can.CanInitializationError(f"no CAN hub at {channel} ({error.strerror})") from None

@@ -8,7 +8,7 @@ from drivers.can_frame import CAN_FRAME, make_frames
 from drivers.device_end import CanWire, DeviceEnd, open_device_end
 from drivers.errors import DriverConfigError
 from drivers.memory_bus import End
-from drivers.sockets import UNIX, open_bus
+from drivers.opening import UNIX, open_bus
 from drivers.unix_can import UnixCanBus
 
 

@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ports on real descriptors: whole frames in order, bounded work, and every loss counted at its bus."""
+"""Ports on real sockets: whole frames in order, bounded work, every loss counted at its bus, and links that return."""
 
 import socket
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from drivers.can_frame import CAN_FRAME, FRAME_SIZE, make_frames
-from drivers.errors import FrameError
-from drivers.socket_ports import BusCounter, SocketReader, SocketWriter, open_ends
-from drivers.unix_can import UnixCanBus
+from drivers import bus_socket
+from drivers.bus_health import BusState
+from drivers.bus_socket import RETRY_NS, BusSocket, open_buses
+from drivers.can_frame import CAN_ERR_FLAG, CAN_FRAME, FRAME_SIZE, make_frames
+from drivers.errors import DriverConfigError, FrameError
+from drivers.opening import SOCKETCAN, UNIX
+from drivers.socket_ports import SocketReader, SocketWriter
 from drivers.unix_hub import UnixHub
 
 BUSES, CAPACITY = 2, 16
+BUS_OFF = CAN_ERR_FLAG | 0x40
 
 
 class Batch:
@@ -40,15 +46,31 @@ class Wires:
 
     def __init__(self, directory):
         self.hubs = [UnixHub(directory / f"can{bus}") for bus in range(BUSES)]
-        self.buses = [UnixCanBus(str(hub.path)) for hub in self.hubs]
+        self.buses = open_buses(UNIX, [str(hub.path) for hub in self.hubs])
         for hub in self.hubs:
             hub.receive()
-        ends = open_ends([bus.fileno() for bus in self.buses])
-        self.reader, self.writer = SocketReader(ends), SocketWriter(ends)
+        self.reader, self.writer = SocketReader(self.buses), SocketWriter(self.buses)
+        self.batch = Batch()
+
+    def health(self, name):
+        return [getattr(bus.health, name) for bus in self.buses]
+
+    def read(self, now_ns):
+        self.reader.read(self.batch, now_ns)
+        return self.batch.content()
+
+    def send(self, *frames, now_ns=1):
+        batch = Batch()
+        batch.hold(*frames)
+        self.writer.write(batch, now_ns)
+
+    def reopen(self, bus):
+        """Bring a hub back, as a simulator does that is started again."""
+        self.hubs[bus] = UnixHub(self.hubs[bus].path)
 
     def close(self):
         for end in (*self.buses, *self.hubs):
-            end.shutdown() if isinstance(end, UnixCanBus) else end.close()
+            end.close()
 
 
 @pytest.fixture
@@ -58,17 +80,44 @@ def wires(tmp_path):
     made.close()
 
 
+class Plain:
+    """A bus whose far end takes any packet, as python-can gives it."""
+
+    def __init__(self, end):
+        self._end = end
+
+    def fileno(self):
+        return self._end.fileno()
+
+    def shutdown(self):
+        self._end.close()
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    """A bus and its far end."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    theirs.setblocking(False)
+    with monkeypatch.context() as patch:
+        patch.setattr(bus_socket, "open_bus", lambda interface, channel: Plain(ours))
+        bus = BusSocket(UNIX, "anything")
+    yield bus, theirs
+    bus.close()
+    theirs.close()
+
+
+# -- carrying ---------------------------------------------------------------------------------------------------------
+
+
 def test_frames_go_out_on_their_buses_in_order(wires):
-    batch = Batch()
-    batch.hold((0, 1), (1, 2), (0, 3), (1, 4))
-    wires.writer.write(batch, 5)
+    wires.send((0, 1), (1, 2), (0, 3), (1, 4))
     sent = [np.frombuffer(hub.receive(), CAN_FRAME)["can_id"].tolist() for hub in wires.hubs]
     assert sent == [[1, 3], [2, 4]]
-    assert not wires.writer.counters.any()
+    assert wires.health("refused") == wires.health("failed") == [0, 0]
 
 
 def test_what_arrives_is_read_and_what_was_there_before_is_gone(wires):
-    batch = Batch()
+    batch = wires.batch
     assert not wires.reader.read(batch, 10)
     wires.hubs[1].send(make_frames([7, 8], 8).tobytes())
     wires.hubs[0].send(make_frames([9], 8).tobytes())
@@ -82,51 +131,6 @@ def test_what_arrives_is_read_and_what_was_there_before_is_gone(wires):
     assert batch.stamp_ns == 30
 
 
-def test_a_flooded_bus_leaves_the_other_its_share(wires):
-    wires.hubs[0].send(make_frames(range(100), 8).tobytes())
-    wires.hubs[1].send(make_frames([500], 8).tobytes())
-    batch = Batch()
-    wires.reader.read(batch, 1)
-    assert batch.content() == [*((0, number) for number in range(8)), (1, 500)]
-    wires.reader.read(batch, 2)
-    assert batch.content() == [(0, number) for number in range(8, 16)]
-
-
-def test_a_bus_that_takes_nothing_refuses_soon_and_is_counted_alone(wires):
-    batch = Batch()
-    batch.hold((0, 1), (1, 1))
-    for _ in range(400):
-        wires.writer.write(batch, 1)
-        wires.hubs[1].receive()
-    refused = wires.writer.counters[BusCounter.REFUSED]
-    waiting = len(wires.hubs[0].receive()) // FRAME_SIZE
-    assert refused.tolist() == [400 - waiting, 0]
-    assert waiting < 50
-
-
-def test_a_bus_that_goes_down_is_counted_and_the_other_goes_on(wires):
-    wires.hubs[0].close()
-    batch = Batch()
-    batch.hold((0, 1), (1, 2))
-    wires.writer.write(batch, 1)
-    assert wires.writer.counters[BusCounter.FAILED].tolist() == [1, 0]
-    wires.hubs[1].send(make_frames([3], 8).tobytes())
-    assert wires.reader.read(batch, 2)
-    assert batch.content() == [(1, 3)]
-    assert wires.reader.counters[BusCounter.FAILED].tolist() == [1, 0]
-
-
-def test_a_packet_that_is_no_frame_is_counted():
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with ours, theirs:
-        reader, batch = SocketReader(open_ends([ours.fileno()])), Batch()
-        theirs.send(b"short")
-        theirs.send(make_frames([4], 8).tobytes())
-        assert reader.read(batch, 1)
-        assert batch.content() == [(0, 4)]
-        assert reader.counters[BusCounter.NO_FRAME].tolist() == [1]
-
-
 def test_a_batch_that_contradicts_itself_is_refused(wires):
     batch = Batch()
     batch.hold((2, 1))
@@ -135,3 +139,176 @@ def test_a_batch_that_contradicts_itself_is_refused(wires):
     batch.count = CAPACITY + 1
     with pytest.raises(FrameError, match="claims to hold 17"):
         wires.writer.write(batch, 1)
+
+
+# -- too much ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_flooded_bus_leaves_the_other_its_share_and_is_told(wires):
+    wires.hubs[0].send(make_frames(range(17), 8).tobytes())
+    wires.hubs[1].send(make_frames([500], 8).tobytes())
+    assert wires.read(1) == [*((0, number) for number in range(8)), (1, 500)]
+    assert wires.health("backlog") == [True, False]
+    assert wires.read(2) == [(0, number) for number in range(8, 16)]
+    assert wires.health("backlog") == [True, False]
+    assert wires.read(3) == [(0, 16)]
+    assert wires.health("backlog") == [False, False]
+
+
+def test_a_share_that_is_just_used_up_is_no_flood(wires):
+    wires.hubs[0].send(make_frames(range(8), 8).tobytes())
+    assert len(wires.read(1)) == 8
+    assert wires.health("backlog") == [False, False]
+
+
+def test_a_bus_that_takes_nothing_refuses_soon_and_is_counted_alone(wires):
+    for _ in range(400):
+        wires.send((0, 1), (1, 1))
+        wires.hubs[1].receive()
+    waiting = len(wires.hubs[0].receive()) // FRAME_SIZE
+    assert wires.health("refused") == [400 - waiting, 0]
+    assert wires.health("state") == [BusState.UP] * 2
+    assert waiting < 50
+
+
+# -- links ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_bus_that_goes_down_is_counted_and_the_other_goes_on(wires):
+    wires.hubs[0].close()
+    wires.send((0, 1), (1, 2), (0, 3))
+    assert wires.health("failed") == [2, 0]
+    assert wires.health("state") == [BusState.DOWN, BusState.UP]
+    wires.hubs[1].send(make_frames([3], 8).tobytes())
+    assert wires.read(2) == [(1, 3)]
+    assert wires.health("failed") == [2, 0]
+
+
+def test_reading_finds_the_loss_of_a_bus_as_well(wires):
+    wires.hubs[1].close()
+    assert wires.read(1) == []
+    assert wires.health("state") == [BusState.UP, BusState.DOWN]
+    assert wires.health("failed") == [0, 1]
+
+
+def test_a_bus_that_returns_is_found_within_the_period_of_the_search(wires):
+    wires.hubs[0].close()
+    wires.read(1)
+    wires.read(1 + RETRY_NS)
+    assert wires.health("state")[0] == BusState.DOWN
+    wires.reopen(0)
+    wires.read(2 * RETRY_NS)
+    assert wires.health("state")[0] == BusState.DOWN, "looked for before its turn"
+    wires.read(1 + 2 * RETRY_NS)
+    assert wires.health("state")[0] == BusState.UP
+    wires.send((0, 5))
+    assert np.frombuffer(wires.hubs[0].receive(), CAN_FRAME)["can_id"].tolist() == [5]
+    wires.hubs[0].send(make_frames([6], 8).tobytes())
+    assert wires.read(2 + 2 * RETRY_NS) == [(0, 6)]
+
+
+def test_what_waited_when_the_bus_was_lost_is_purged(wires):
+    wires.hubs[0].send(make_frames(range(5), 8).tobytes())
+    wires.hubs[0].close()
+    wires.send((0, 1))
+    wires.reopen(0)
+    assert wires.read(1 + RETRY_NS) == []
+    assert wires.health("purged") == [5, 0]
+    assert wires.read(2 + RETRY_NS) == []
+
+
+def test_a_bus_lost_time_and_again_leaves_nothing_open(wires, tmp_path):
+    def descriptors():
+        return sum(1 for _ in (tmp_path / "fd").iterdir())
+
+    (tmp_path / "fd").symlink_to("/proc/self/fd")
+    before = descriptors()
+    for attempt in range(1, 20):
+        wires.hubs[0].close()
+        wires.read(2 * attempt * RETRY_NS)
+        wires.reopen(0)
+        wires.read((2 * attempt + 1) * RETRY_NS)
+        wires.hubs[0].receive()
+        assert wires.health("state")[0] == BusState.UP
+    assert descriptors() == before
+
+
+def test_nothing_is_sent_on_a_bus_that_is_off_until_it_restarts(wires):
+    wires.hubs[0].send(make_frames([BUS_OFF], 8).tobytes())
+    assert wires.read(1) == [(0, BUS_OFF)]
+    assert wires.health("state") == [BusState.OFF, BusState.UP]
+    wires.send((0, 1), (1, 1))
+    assert wires.hubs[0].receive() == b""
+    assert wires.health("failed") == [1, 0]
+    wires.hubs[0].send(make_frames([CAN_ERR_FLAG | 0x100], 8).tobytes())
+    wires.read(2)
+    assert wires.health("state") == [BusState.UP, BusState.UP]
+    wires.send((0, 2))
+    assert len(wires.hubs[0].receive()) == FRAME_SIZE
+
+
+# -- packets ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_packet_that_is_no_frame_is_counted(plain):
+    bus, theirs = plain
+    theirs.send(b"short")
+    theirs.send(make_frames([4], 8).tobytes())
+    assert bus.receive(8, 1) == ([make_frames([4], 8).tobytes()], [1])
+    assert bus.health.malformed == 1
+
+
+@settings(max_examples=200)
+@given(st.lists(st.binary(min_size=1, max_size=80), max_size=30), st.integers(1, 12))
+def test_whatever_comes_is_a_frame_or_counted_and_reading_ends(packets, most):
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with pytest.MonkeyPatch.context() as patch, theirs:
+        patch.setattr(bus_socket, "open_bus", lambda interface, channel: Plain(ours))
+        bus = BusSocket(UNIX, "anything")
+        for packet in packets:
+            theirs.send(packet)
+        got, left = [], len(packets)
+        reader, batch = SocketReader([bus]), Batch()
+        for now_ns in range(1, 40):
+            reader.read(batch, now_ns)
+            got.append(batch.data[: batch.count * FRAME_SIZE].tobytes())
+            frames, _ = bus.receive(most, now_ns)
+            got += frames
+            left = max(0, left - CAPACITY - most)
+            assert bus.health.backlog == (left > 0)
+        bus.close()
+    whole = [packet for packet in packets if len(packet) == FRAME_SIZE]
+    assert b"".join(got) == b"".join(whole)
+    assert bus.health.malformed == len(packets) - len(whole)
+
+
+# -- opening ----------------------------------------------------------------------------------------------------------
+
+
+def test_if_one_bus_cannot_be_opened_none_is(tmp_path):
+    hub = UnixHub(tmp_path / "can0")
+    with pytest.raises(DriverConfigError, match="can1: no CAN hub at"):
+        open_buses(UNIX, [str(hub.path), str(tmp_path / "can1")])
+    assert hub.receive() == b""
+    assert hub._ends == []
+    hub.close()
+
+
+def test_a_hub_that_hangs_does_not_hang_those_who_look_for_it(tmp_path):
+    hub = UnixHub(tmp_path / "can0")
+    opened = []
+    with pytest.raises(DriverConfigError, match="can0: no CAN hub at"):
+        for _ in range(100):
+            opened += open_buses(UNIX, [str(hub.path)])
+    for bus in opened:
+        bus.close()
+    hub.close()
+
+
+@pytest.mark.parametrize("channel", ["nocan9", "a-name-longer-than-any-interface", "", "c\N{MICRO SIGN}n0"])
+def test_an_interface_that_is_not_there_is_refused_in_one_sentence(channel):
+    with pytest.raises(
+        DriverConfigError, match=r"there is no such CAN interface|the kernel gives no CAN socket"
+    ) as refused:
+        open_buses(SOCKETCAN, [channel])
+    assert "\n" not in str(refused.value)
