@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-# `make sil` and `make test` need only Python and make; everything else is installed into .venv.
+# `make sil` and `make test` need only Python and make; everything else is installed into .venv. `make test-guest` also
+# needs a few Debian packages, which it installs as root or names.
 
 PYTHON ?= python3
 WORKERS ?= auto
 TEST_ARGS ?=
+GUEST_ARGS ?=
 CLAIMS_ARGS ?=
 BIN := .venv/bin
 STAMP := .venv/.installed
@@ -13,7 +15,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: sil venv test lint claims bench clean
+.PHONY: sil venv test test-guest lint claims bench clean
 .DEFAULT_GOAL := sil
 
 sil: venv  ## Walk USLGO1 round the 6 cm circle.
@@ -31,8 +33,11 @@ $(STAMP): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $(STAMP)
 
-test: venv  ## Run all tests.
+test: venv  ## Run all tests but those that need a kernel with CAN.
 	$(BIN)/pytest -n $(WORKERS) --dist loadgroup $(TEST_ARGS)
+
+test-guest: venv  ## Test the drivers on CAN interfaces of a kernel: of this one if it has CAN, else of a guest.
+	tests/guest/with-can $(BIN)/pytest -p no:cacheprovider tests/guest $(GUEST_ARGS)
 
 lint: venv  ## Check style, types and import rules.
 	$(BIN)/ruff check .

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from drivers.bus_health import BusMonitor
 from drivers.device_end import Wires
 from drivers.dialects import dialect_named
 from drivers.memory_bus import MemoryBus
@@ -107,6 +108,7 @@ def _wire(config: Uslgo1Config, course: Scenario, seed: int) -> Wired:
     world = world_of(config, course, terrain, bus, seed)
     inputs: dict[str, InputPort] = {
         topics.CAN_RECEIVED: MemoryReader(bus),
+        topics.BUS_STATUS: BusMonitor(bus.health),
         topics.IMU: world.imu,
         topics.LOCALIZATION: world.localization,
         topics.BATTERY: world.battery,

@@ -10,8 +10,9 @@ import signal
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from drivers.socket_ports import SocketReader, SocketWriter, open_ends
-from drivers.sockets import open_bus
+from drivers.bus_health import BusMonitor
+from drivers.bus_socket import open_buses
+from drivers.socket_ports import SocketReader, SocketWriter
 from runtime.executors.liveness import Liveness
 from runtime.executors.loop_run import InputPort
 from runtime.executors.notify import Notifier
@@ -52,10 +53,12 @@ def control(
     Raises:
         DriverConfigError: if a bus cannot be opened.
     """
-    buses = [open_bus(interface, channel) for channel in channels]
+    buses = open_buses(interface, channels)
     try:
-        ends = open_ends([bus.fileno() for bus in buses])
-        inputs: dict[str, InputPort] = {topics.CAN_RECEIVED: SocketReader(ends)}
+        inputs: dict[str, InputPort] = {
+            topics.CAN_RECEIVED: SocketReader(buses),
+            topics.BUS_STATUS: BusMonitor([bus.health for bus in buses]),
+        }
         for loop in robot.loops:
             for record in loop.port_inputs:
                 port = EventPort if record.topic in EVENTS else LatestPort
@@ -63,7 +66,7 @@ def control(
         executor = RealTime(
             robot.loops,
             inputs,
-            {topics.CAN_SENT: SocketWriter(ends)},
+            {topics.CAN_SENT: SocketWriter(buses)},
             TickStreams(*(TickStream(directory / name) for name in STREAMS)),
             processors,
             switch_interval_us=switch_interval_us,
@@ -74,5 +77,5 @@ def control(
         executor.run()
     finally:
         for bus in buses:
-            bus.shutdown()
+            bus.close()
     return executor.refused
