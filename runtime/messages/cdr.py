@@ -54,6 +54,16 @@ class CdrTemplate:
         self._payload.extend(bytes(8 * number))
         return slot
 
+    def float32(self, number: int) -> int:
+        """Reserve `number` floats, zero for now; returns the slot of the first."""
+        slot = self._align(4) if number else len(self._payload)
+        self._payload.extend(bytes(4 * number))
+        return slot
+
+    def uint8(self, *values: int) -> None:
+        """Append bytes, or flags."""
+        self._payload.extend(values)
+
     def header(self, frame: str) -> int:
         """Append a std_msgs/Header; returns the slot of its stamp."""
         slot = self.stamp()
@@ -63,6 +73,10 @@ class CdrTemplate:
     def view(self, slot: int, number: int) -> npt.NDArray[np.float64]:
         """A writable array over reserved doubles; the template can no longer grow."""
         return np.ndarray((number,), "<f8", self._payload, slot)
+
+    def float32_view(self, slot: int, number: int) -> npt.NDArray[np.float32]:
+        """A writable array over reserved floats; the template can no longer grow."""
+        return np.ndarray((number,), "<f4", self._payload, slot)
 
     def set_stamp(self, slot: int, stamp_ns: int) -> None:
         """Overwrite a stamp."""

@@ -1,13 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
-"""sensor_msgs/Imu from an inertial sample."""
+"""sensor_msgs/Imu: inertial samples."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from runtime.messages.cdr import CdrTemplate
+from runtime.messages.cdr_reader import CdrReader
 from runtime.signals import Imu
 
 _UNKNOWN = -1.0
 """First covariance element of a quantity that the sensor does not give (the message's own convention)."""
+
+
+class InertialSample(NamedTuple):
+    """What is used of an inertial sample.
+
+    Attributes:
+        stamp_ns: of the header.
+        frame: of the sensor.
+        angular_velocity: x, y, z, rad/s.
+        linear_acceleration: specific force, x, y, z, m/s^2.
+    """
+
+    stamp_ns: int
+    frame: str
+    angular_velocity: tuple[float, ...]
+    linear_acceleration: tuple[float, ...]
+
+
+def decode_imu(payload: bytes) -> InertialSample:
+    """A sensor_msgs/Imu; MessageError if it is none."""
+    reader = CdrReader(payload)
+    stamp_ns, frame = reader.header()
+    values = reader.numbers("d", 4 + 9 + 3 + 9 + 3 + 9)
+    reader.finish()
+    return InertialSample(stamp_ns, frame, values[13:16], values[25:28])
 
 
 class ImuMessage:

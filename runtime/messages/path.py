@@ -1,12 +1,45 @@
 # SPDX-License-Identifier: Apache-2.0
-"""nav_msgs/Path from the waypoints to follow."""
+"""nav_msgs/Path: waypoints to follow."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from runtime.messages.cdr import CdrTemplate
+from runtime.messages.cdr_reader import CdrReader
+from runtime.messages.errors import MessageError
 from runtime.signals import Path
+
+
+class Waypoints(NamedTuple):
+    """What is used of a path.
+
+    Attributes:
+        stamp_ns: of the header.
+        frame: in which the waypoints are given; that of the poses does not count.
+        points: (x, y), m.
+    """
+
+    stamp_ns: int
+    frame: str
+    points: list[tuple[float, float]]
+
+
+def decode_path(payload: bytes, capacity: int) -> Waypoints:
+    """A nav_msgs/Path of up to `capacity` poses; MessageError if it is none, or longer."""
+    reader = CdrReader(payload)
+    stamp_ns, frame = reader.header()
+    count = reader.count()
+    if count > capacity:
+        raise MessageError("the path has too many poses")
+    points = []
+    for _ in range(count):
+        reader.header()
+        x, y, *_ = reader.numbers("d", 7)
+        points.append((x, y))
+    reader.finish()
+    return Waypoints(stamp_ns, frame, points)
 
 
 class PathMessage:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""tf2_msgs/TFMessage with the one transform that the estimator owns."""
+"""tf2_msgs/TFMessage: where the trunk is, and what never moves."""
 
 from __future__ import annotations
 
@@ -24,3 +24,15 @@ class TransformMessage:
         self._translation[:] = body.position
         self._rotation[:] = body.orientation
         return self._template.to_bytes()
+
+
+def encode_fixed(stamp_ns: int, frame: str, child_frame: str) -> bytes:
+    """/tf_static of a frame that coincides with another."""
+    template = CdrTemplate()
+    template.count(1)
+    stamp = template.header(frame)
+    template.string(child_frame)
+    template.float64(3)
+    template.view(template.float64(4), 4)[3] = 1.0
+    template.set_stamp(stamp, stamp_ns)
+    return template.to_bytes()

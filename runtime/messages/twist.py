@@ -1,10 +1,47 @@
 # SPDX-License-Identifier: Apache-2.0
-"""geometry_msgs/TwistStamped from what the tracker asks of the body."""
+"""geometry_msgs/Twist and TwistStamped: velocities asked of the body."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from runtime.messages.cdr import CdrTemplate
+from runtime.messages.cdr_reader import CdrReader
 from runtime.signals import BodyCommand
+
+
+class Velocity(NamedTuple):
+    """What is used of a twist.
+
+    Attributes:
+        stamp_ns: of the header; 0 if the message has none.
+        frame: of the header; empty if the message has none.
+        forward, lateral: m/s.
+        yaw_rate: rad/s.
+    """
+
+    stamp_ns: int
+    frame: str
+    forward: float
+    lateral: float
+    yaw_rate: float
+
+
+def _velocity(reader: CdrReader, stamp_ns: int, frame: str) -> Velocity:
+    forward, lateral, _, _, _, yaw_rate = reader.numbers("d", 6)
+    reader.finish()
+    return Velocity(stamp_ns, frame, forward, lateral, yaw_rate)
+
+
+def decode_twist(payload: bytes) -> Velocity:
+    """A geometry_msgs/Twist; MessageError if it is none."""
+    return _velocity(CdrReader(payload), 0, "")
+
+
+def decode_twist_stamped(payload: bytes) -> Velocity:
+    """A geometry_msgs/TwistStamped; MessageError if it is none."""
+    reader = CdrReader(payload)
+    return _velocity(reader, *reader.header())
 
 
 class TwistStampedMessage:

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A zenoh session as a ROS 2 node: publishers and subscriptions that ROS peers find, and nothing else on the network."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol
+
+import zenoh
+import zenoh.ext
+
+from runtime.errors import UgvError
+from runtime.messages.attachment import GID_BYTES, Attachment
+from runtime.messages.keys import (
+    DEFAULT_QUALITY,
+    TRANSIENT_LOCAL_QUALITY,
+    Node,
+    TypeHashes,
+    data_key,
+    publisher_tokens,
+)
+
+_PLACE_IN_SOURCE = re.compile(r" at /\S+\.rs:\d+\.?")
+LARGEST_PAYLOAD_BYTES = 8 << 20
+"""Larger messages are not even taken out of zenoh's hands."""
+
+
+class SessionError(UgvError):
+    """A zenoh session cannot be opened."""
+
+
+class Receiver(Protocol):
+    """Takes what arrives on a topic, in threads of zenoh's."""
+
+    def receive(self, payload: bytes, attachment: bytes) -> None:
+        """Take a message; the attachment is empty if there is none."""
+
+    def refuse(self, reason: str) -> None:
+        """Take note of a message that was not looked at."""
+
+
+def session_config(listen: Sequence[str], connect: Sequence[str], file: Path | None = None) -> zenoh.Config:
+    """What zenoh is told: where to listen and to connect, and to look for nobody; or what a file says instead.
+
+    Raises:
+        SessionError: if the file, or an endpoint, is not one of zenoh's.
+    """
+    try:
+        if file is not None:
+            return zenoh.Config.from_file(str(file))
+        config = zenoh.Config()
+        for key, value in (
+            ("mode", "peer"),
+            ("listen/endpoints", list(listen)),
+            ("connect/endpoints", list(connect)),
+            ("scouting/multicast/enabled", False),
+            ("scouting/gossip/enabled", False),
+            ("timestamping/enabled", True),  # late joiners are given kept messages by their time
+        ):
+            config.insert_json5(key, json.dumps(value))
+        return config
+    except zenoh.ZError as error:
+        where = f"{file}: " if file is not None else "link: "
+        raise SessionError(f"{where}not a valid configuration of zenoh: {_reason(error)}") from None
+
+
+class Publisher:
+    """Publishes on one topic; what the network cannot take is dropped, so that nobody is waited for."""
+
+    def __init__(self, publisher: Any, gid: bytes) -> None:
+        self._publisher, self._gid = publisher, gid
+        self._sequence = 0
+
+    def put(self, payload: bytes) -> None:
+        """Send a message."""
+        self._sequence += 1
+        attachment = Attachment(self._sequence, time.time_ns(), self._gid)
+        self._publisher.put(payload, attachment=attachment.to_bytes())
+
+
+class RosSession:
+    """A node of the ROS graph.
+
+    Its threads have the scheduling of the thread that opens it.
+
+    Args:
+        node: its name.
+        domain: number of the ROS domain.
+        config: as of `session_config`.
+        hashes: how types are told apart.
+
+    Raises:
+        SessionError: if the session cannot be opened, as when its address is in use.
+    """
+
+    def __init__(self, node: str, domain: int, config: zenoh.Config, hashes: TypeHashes = "rihs01") -> None:
+        try:
+            self._session = zenoh.open(config)
+        except zenoh.ZError as error:
+            raise SessionError(f"no zenoh session could be opened: {_reason(error)}") from None
+        self._domain, self._hashes, self._endpoints = domain, hashes, 0
+        self._node = Node(domain, str(self._session.zid()), node)
+        self._held: list[Any] = []
+        self._token(self._node.token())
+
+    def _token(self, key: str) -> None:
+        self._held.append(self._session.liveliness().declare_token(key))
+
+    def _endpoint(self, kind: Any, topic: str, type_name: str, quality: str) -> str:
+        self._endpoints += 1
+        token = self._node.endpoint_token(self._endpoints, kind, topic, type_name, quality, self._hashes)
+        self._token(token)
+        return token
+
+    def publisher(self, topic: str, type_name: str, quality: str = DEFAULT_QUALITY) -> Publisher:
+        """A publisher; a transient local one keeps its last message for those that come later."""
+        token = self._endpoint("MP", topic, type_name, quality)
+        key = data_key(self._domain, topic, type_name, self._hashes)
+        drop = zenoh.CongestionControl.DROP
+        publisher: Any
+        if quality == TRANSIENT_LOCAL_QUALITY:
+            publisher = zenoh.ext.declare_advanced_publisher(
+                self._session, key, congestion_control=drop, cache=zenoh.ext.CacheConfig(1), publisher_detection=True
+            )
+        else:
+            publisher = self._session.declare_publisher(key, congestion_control=drop)
+        self._held.append(publisher)
+        return Publisher(publisher, _gid(self._node.session, token))
+
+    def subscribe(self, topic: str, type_name: str, receiver: Receiver, quality: str = DEFAULT_QUALITY) -> None:
+        """Hand every message of a topic to a receiver, in the thread that read it from the network."""
+
+        def take(sample: zenoh.Sample) -> None:
+            if sample.kind != zenoh.SampleKind.PUT:
+                receiver.refuse("a topic's value cannot be deleted")
+            elif len(sample.payload) > LARGEST_PAYLOAD_BYTES:
+                receiver.refuse("the message is too large")
+            else:
+                attachment = sample.attachment
+                receiver.receive(bytes(sample.payload), b"" if attachment is None else bytes(attachment))
+
+        self._endpoint("MS", topic, type_name, quality)
+        key = data_key(self._domain, topic, type_name, self._hashes)
+        callback = zenoh.handlers.Callback(take, indirect=False)
+        self._held.append(self._session.declare_subscriber(key, callback, allowed_origin=zenoh.Locality.REMOTE))
+
+    def watch_publishers(self, changed: Callable[[str, bool], None]) -> None:
+        """Be told the token of each publisher of the domain, those that are there already included, and of its end."""
+
+        def take(sample: zenoh.Sample) -> None:
+            changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        callback = zenoh.handlers.Callback(take, indirect=False)
+        tokens = publisher_tokens(self._domain)
+        self._held.append(self._session.liveliness().declare_subscriber(tokens, callback, history=True))
+
+    def peers(self) -> int:
+        """How many sessions this one is connected with."""
+        info = self._session.info
+        return len(info.peers_zid()) + len(info.routers_zid())
+
+    def close(self) -> None:
+        """Leave the network; no receiver is called afterwards."""
+        for part in reversed(self._held):
+            with suppress(zenoh.ZError):  # what the session lost by itself
+                part.undeclare()
+        self._held.clear()
+        self._session.close()
+
+    def __enter__(self) -> RosSession:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _gid(session: str, token: str) -> bytes:
+    """Of a publisher: the first half is the same for all of a session, so that a sender is known by it."""
+    half = GID_BYTES // 2
+    return b"".join(hashlib.blake2b(text.encode(), digest_size=half).digest() for text in (session, token))
+
+
+def _reason(error: Exception) -> str:
+    return _PLACE_IN_SOURCE.sub("", str(error).strip().split("\n")[0])
