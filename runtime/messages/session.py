@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A zenoh session as a ROS 2 node: publishers and subscriptions that ROS peers find, and nothing else on the network."""
+"""A zenoh session as a ROS 2 node: publishers and subscriptions that ROS peers find."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ class RosSession:
             with suppress(zenoh.ZError):  # what the session lost by itself
                 part.undeclare()
         self._held.clear()
-        self._session.close()
+        self._session.close()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> RosSession:
         return self

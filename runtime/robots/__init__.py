@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from runtime.errors import ConfigError, unknown
 
 if TYPE_CHECKING:
+    from runtime.robots.robot import Robot
     from runtime.robots.uslgo1.config import Uslgo1Config
     from runtime.tasks import Loop
 
@@ -46,3 +47,21 @@ def assemble(robot: str, config_text: str, overrides: Mapping[str, str] | None =
 
     configuration_file(robot)
     return assemble_uslgo1(loads(config_text, Uslgo1Config, place="the log's configuration", overrides=overrides)).loops
+
+
+def assembled(config: Uslgo1Config) -> Robot:
+    """The robot that a configuration describes."""
+    from runtime.robots.uslgo1.assembly import assemble as assemble_uslgo1
+
+    return assemble_uslgo1(config)
+
+
+def description(config: Uslgo1Config) -> str:
+    """The robot that a configuration describes, as URDF."""
+    from runtime.models.urdf import quadruped_urdf
+    from runtime.safety.limits import joint_bounds
+
+    safety, link = config.safety, config.link
+    bounds = joint_bounds(safety)
+    limits = safety.effort_max_nm, safety.velocity_max_radps
+    return quadruped_urdf(config.quadruped, config.robot, link.base_frame, bounds, *limits)

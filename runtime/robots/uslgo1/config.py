@@ -22,6 +22,7 @@ from runtime.legged.mpc import MpcConfig
 from runtime.legged.posture import PostureConfig
 from runtime.legged.swing import SwingConfig
 from runtime.models.quadruped import JOINT_NAMES, Quadruped
+from runtime.robots.link_config import LinkConfig
 from runtime.robots.simulation import ScenarioConfig, SimulationConfig
 from runtime.safety.limits import SafetyConfig, joint_bounds
 from runtime.tracking.tracker import TrackerConfig
@@ -186,6 +187,7 @@ class Uslgo1Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     variant: VariantConfig
     loops: LoopsConfig
     realtime: RealtimeConfig
+    link: LinkConfig
     quadruped: Quadruped
     drives: DrivesConfig
     posture: PostureConfig

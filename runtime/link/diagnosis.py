@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What /diagnostics says: every state that is not well, and every counter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from runtime.link.control_monitor import ControlMonitor
+from runtime.link.loop_statistics import spread
+from runtime.link.tally import Tally
+from runtime.messages.diagnostics import Level, Status
+from runtime.robots import topics
+from runtime.signals import (
+    Battery,
+    BodyState,
+    BusState,
+    BusStatus,
+    ContactForces,
+    Fault,
+    JointCommand,
+    JointState,
+    Mode,
+    SafetyStatus,
+)
+
+
+def fault_names(bits: int) -> str:
+    """Names of fault bits, or `none`."""
+    names = [fault.name.lower() for fault in Fault if fault and bits & fault and fault.name]
+    unknown = bits & ~sum(Fault)
+    return " ".join(names + ([f"{unknown:#x}"] if unknown else [])) or "none"
+
+
+@dataclass
+class Diagnosis:
+    """Looks at the robot through the ticks of its loops, and at the link itself.
+
+    A counter makes a warning once, in the diagnosis after it has grown.
+
+    Args:
+        monitor: of the control loops.
+        tally: of received messages.
+        silent_ns: without a tick for so long, control is called silent.
+    """
+
+    monitor: ControlMonitor
+    tally: Tally
+    silent_ns: int
+
+    def __post_init__(self) -> None:
+        self._before: dict[str, float] = {}
+
+    def state(self, now_ns: int) -> tuple[str, str]:
+        """Mode and latched faults by name; the mode is `silent` while control is."""
+        if self.monitor.silent(now_ns, self.silent_ns):
+            return "silent", "none"
+        safety = self.monitor.newest(topics.SAFETY, SafetyStatus)
+        if safety is None:
+            return "unknown", "none"
+        return Mode(safety.mode).name.lower(), fault_names(safety.fault)
+
+    def statuses(self, now_ns: int, link: Mapping[str, object]) -> list[Status]:
+        """Every part's status.
+
+        Args:
+            now_ns: monotonic.
+            link: figures of the link itself.
+        """
+        found = [self._control(now_ns), *self._signals(), *self._loops(), self._imu(), *self._inputs(now_ns)]
+        return [*found, self._counted("link", {"malformed_ticks": self.monitor.malformed}, link)]
+
+    def _control(self, now_ns: int) -> Status:
+        mode, faults = self.state(now_ns)
+        values: dict[str, Any] = {"mode": mode, "faults": faults}
+        safety = self.monitor.newest(topics.SAFETY, SafetyStatus)
+        if safety is not None:
+            warnings = fault_names(safety.warning)
+            values |= {"warnings": warnings, "limited_commands": safety.limited, "falls_into_damped": safety.faults}
+            if mode not in ("silent", "damped") and safety.warning:
+                return Status("control", Level.WARN, f"{mode}, warning: {warnings}", values)
+        if mode == "silent":
+            return Status("control", Level.ERROR, "control is silent", values)
+        if mode == "damped":
+            return Status("control", Level.ERROR, f"damped: {faults}", values)
+        return Status("control", Level.OK, mode, values)
+
+    def _signals(self) -> Iterator[Status]:
+        newest = self.monitor.newest
+        joints = newest(topics.JOINT_STATE, JointState)
+        if joints is not None:
+            values = {
+                "errors": " ".join(map(str, joints.error.tolist())),
+                "hottest_degc": max(joints.temperature.tolist()),
+            }
+            yield self._counted("joints", {"rejected_frames": joints.rejected}, values, bool(joints.error.any()))
+        buses = newest(topics.BUS_STATUS, BusStatus)
+        if buses is not None:
+            yield from self._buses(buses)
+        body = newest(topics.BODY_STATE, BodyState)
+        if body is not None:
+            counts = {"rejected_imu": body.imu_rejected, "rejected_poses": body.localization_rejected}
+            yield self._counted("estimator", counts, {"localization_age_ms": body.localization_age_ns / 1e6})
+        forces, command = newest(topics.CONTACT_FORCES, ContactForces), newest(topics.JOINT_COMMAND, JointCommand)
+        if forces is not None and command is not None:
+            yield self._counted("solvers", {"mpc_failures": forces.failures, "wbc_failures": command.qp_failures}, {})
+        battery = newest(topics.BATTERY, Battery)
+        if battery is not None:
+            figures = {"voltage_v": battery.voltage, "current_a": battery.current, "charge": battery.charge}
+            yield Status("battery", Level.OK, "", figures)
+
+    def _buses(self, buses: BusStatus) -> Iterator[Status]:
+        counters = ("refused", "failed", "malformed", "errors", "overflow", "purged")
+        for number, state in enumerate(buses.state.tolist()):
+            name = BusState(state).name.lower() if state in iter(BusState) else str(state)
+            counts = {counter: int(getattr(buses, counter)[number]) for counter in counters}
+            yield self._counted(f"bus {number}", counts, {"state": name}, state != BusState.UP, name)
+
+    def _loops(self) -> Iterator[Status]:
+        for name, loop in self.monitor.loops.items():
+            figures = loop.figures()
+            counts = {key: figures.pop(key) for key in ("skipped", "late", "missed")}
+            yield self._counted(f"loop {name}", counts | {"recorder_drops": loop.dropped}, figures)
+
+    def _imu(self) -> Status:
+        return Status("imu", Level.OK, "age at use", spread("age_us", list(self.monitor.imu_age_ns)))
+
+    def _inputs(self, now_ns: int) -> Iterator[Status]:
+        accepted, rejected, lost = self.tally.snapshot()
+        for topic in sorted({*accepted, *lost, *(topic for topic, _ in rejected)}):
+            counts = {reason: number for (where, reason), number in sorted(rejected.items()) if where == topic}
+            figures: dict[str, object] = {"accepted": accepted.get(topic, 0)}
+            if topic in accepted:
+                figures["age_ms"] = (now_ns - self.tally.last_ns[topic]) / 1e6
+            yield self._counted(f"input {topic}", counts | {"lost": lost.get(topic, 0)}, figures)
+
+    def _counted(
+        self,
+        name: str,
+        counts: Mapping[str, float],
+        figures: Mapping[str, object],
+        unwell: bool = False,
+        message: str = "",
+    ) -> Status:
+        """A status whose counts make it a warning if they grew since the last time."""
+        grown = [key for key, value in counts.items() if value > self._before.get(f"{name}/{key}", 0)]
+        self._before |= {f"{name}/{key}": value for key, value in counts.items()}
+        level = Level.ERROR if unwell else Level.WARN if grown else Level.OK
+        words = ", ".join(part for part in (message, *(f"more: {key}" for key in grown)) if part)
+        return Status(name, level, words, {**figures, **counts})

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every topic that the link takes, and where it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path as FilePath
+from typing import Any
+
+from runtime.executors.shared_memory import SharedWriter
+from runtime.executors.shared_ports import event_writer, latest_writer
+from runtime.link.event_outlet import EventOutlet
+from runtime.link.operator_inputs import RequestUse, VelocityUse
+from runtime.link.path_input import PathUse
+from runtime.link.rate_gate import RateGate
+from runtime.link.senders import SenderBook
+from runtime.link.sensor_inputs import BatteryUse, ImuUse, PoseUse, watch_scan
+from runtime.link.tally import Tally
+from runtime.link.topic_input import TopicInput
+from runtime.messages import definitions, standard
+from runtime.messages.battery import decode_battery_state
+from runtime.messages.imu import decode_imu
+from runtime.messages.keys import DEFAULT_QUALITY, SENSOR_QUALITY
+from runtime.messages.path import decode_path
+from runtime.messages.pose import decode_pose_stamped, decode_pose_with_covariance_stamped
+from runtime.messages.scan import decode_laser_scan, decode_point_cloud
+from runtime.messages.session import RosSession
+from runtime.messages.twist import decode_twist, decode_twist_stamped
+from runtime.records import Record
+from runtime.robots import topics
+from runtime.robots.link_config import LinkConfig
+from runtime.signals import Request
+
+IMU, LOCALIZATION, SCAN, POINTS = "/imu/data", "/localization/pose", "/scan", "/points"
+BATTERY, PATH, PATH_SPEED = "/bms/battery_state", "/path", "/path/speed"
+CMD_VEL, TELEOP = "/cmd_vel", "/teleop/cmd_vel"
+ARM, MOTION, RESET, E_STOP = "/operator/arm", "/operator/motion", "/operator/reset", "/operator/e_stop"
+HEARTBEAT, RELEASE = "/operator/heartbeat", "/operator/release"
+_BURST_S = 0.1
+
+
+class Inputs:
+    """Owns the files that the control loops read, and the topics that fill them.
+
+    Args:
+        config: what is accepted.
+        records: a record of each topic's layout, by topic.
+        directory: of the files.
+        taken_hz: how many operator's requests a second the control loop takes.
+
+    Attributes:
+        tally: what became of the messages.
+        outlet: where requests wait.
+        senders: whose the publishers are.
+
+    Raises:
+        SharedMemoryError: if the files cannot be made or another link writes to them.
+    """
+
+    def __init__(self, config: LinkConfig, records: Mapping[str, Record], directory: FilePath, taken_hz: float) -> None:
+        self.tally, self.senders = Tally(), SenderBook()
+        self._files = ExitStack()
+        self._topics: list[tuple[str, str, TopicInput[Any]]] = []
+        try:
+            self._connect(config, records, directory, taken_hz)
+        except BaseException:
+            self._files.close()
+            raise
+
+    def _connect(self, config: LinkConfig, records: Mapping[str, Record], directory: FilePath, taken_hz: float) -> None:
+        def file(make: Callable[[FilePath, Record], SharedWriter], topic: str) -> Any:
+            writer = make(directory, records[topic])
+            self._files.callback(writer.close)
+            return records[topic], writer.write
+
+        record, write = file(event_writer, topics.OPERATOR_EVENT)
+        self.outlet = EventOutlet(record, write, taken_hz)
+        poses = {
+            "PoseStamped": (definitions.POSE_STAMPED, decode_pose_stamped),
+            "PoseWithCovarianceStamped": (
+                definitions.POSE_WITH_COVARIANCE_STAMPED,
+                decode_pose_with_covariance_stamped,
+            ),
+        }
+        imu = ImuUse(config, *file(latest_writer, topics.IMU))
+        pose = PoseUse(config, *file(latest_writer, topics.LOCALIZATION))
+        battery = BatteryUse(config, *file(latest_writer, topics.BATTERY))
+        path = PathUse(config, *file(latest_writer, topics.PATH))
+        capacity = records[topics.PATH].sizes["path"]
+        self._add(IMU, definitions.IMU, decode_imu, imu, config.imu_rate_max_hz)
+        self._add(LOCALIZATION, *poses[config.localization_type], pose, config.localization_rate_max_hz)
+        self._add(BATTERY, definitions.BATTERY_STATE, decode_battery_state, battery, config.battery_rate_max_hz)
+        self._add(SCAN, definitions.LASER_SCAN, decode_laser_scan, watch_scan, config.scan_rate_max_hz)
+        self._add(POINTS, definitions.POINT_CLOUD2, decode_point_cloud, watch_scan, config.scan_rate_max_hz)
+        decode = partial(decode_path, capacity=capacity + 1)  # a closed path ends with its first point
+        self._add(PATH, definitions.PATH, decode, path, config.path_rate_max_hz)
+        rate_hz = config.operator_rate_max_hz
+        self._add(PATH_SPEED, definitions.FLOAT64, standard.decode_float64, path.set_speed, rate_hz)
+        for topic, priority in ((CMD_VEL, config.cmd_vel_priority), (TELEOP, config.teleop_priority)):
+            for name, decoder in (
+                (definitions.TWIST, decode_twist),
+                (definitions.TWIST_STAMPED, decode_twist_stamped),
+            ):
+                self._add(topic, name, decoder, VelocityUse(config, self.outlet.offer, priority), rate_hz)
+        self._add_requests(RequestUse(self.outlet.offer, config.operator_priority), rate_hz)
+
+    def _add_requests(self, use: RequestUse, rate_hz: float) -> None:
+        self._add(E_STOP, definitions.BOOL, standard.decode_bool, use.emergency_stop, None)
+        self._add(ARM, definitions.BOOL, standard.decode_bool, use.arm, rate_hz)
+        self._add(MOTION, definitions.STRING, standard.decode_string, use.motion, rate_hz)
+        for topic, request in ((RESET, Request.RESET), (HEARTBEAT, Request.LIFE), (RELEASE, Request.RELEASE)):
+            self._add(topic, definitions.EMPTY, standard.decode_empty, use.plain(request), rate_hz)
+
+    def _add(self, topic: str, type_name: str, decode: Any, use: Any, rate_hz: float | None) -> None:
+        gate = None if rate_hz is None else RateGate(rate_hz, max(1, round(rate_hz * _BURST_S)))
+        taker: TopicInput[Any] = TopicInput(topic, decode, use, gate, self.tally, self.senders)
+        self._topics.append((topic, type_name, taker))
+
+    def subscribe(self, session: RosSession) -> None:
+        """Begin to take messages."""
+        session.watch_publishers(self.senders.note)
+        for topic, type_name, taker in self._topics:
+            quality = SENSOR_QUALITY if topic in (IMU, SCAN, POINTS) else DEFAULT_QUALITY
+            session.subscribe(topic, type_name, taker, quality)
+
+    def close(self) -> None:
+        """Let the files go, which stay for their readers; the session must be closed by then."""
+        self._files.close()

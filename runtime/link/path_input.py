@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Paths from zenoh to the tracker."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from runtime.link.checks import check_finite, check_frame
+from runtime.link.clocks import Instant, StampWindow
+from runtime.messages.errors import MessageError
+from runtime.messages.path import Waypoints
+from runtime.robots.link_config import LinkConfig
+from runtime.signals import Path
+
+_CLOSED_WITHIN_M = 1e-3
+_FEWEST = 2
+
+
+class PathUse:
+    """Fills and hands on `Path` records.
+
+    A path whose last point is its first is closed, and the last point is dropped. A speed holds for the paths that come
+    after it.
+
+    Args:
+        config: frames, age and speeds.
+        record: to fill.
+        write: hands it on.
+    """
+
+    def __init__(self, config: LinkConfig, record: Path, write: Callable[[Path], None]) -> None:
+        self._frames, self._record, self._write = config.path_frames, record, write
+        self._speed, self._fastest = config.path_speed_mps, config.path_speed_max_mps
+        self._window = StampWindow(config.path_age_max_ns, config.future_max_ns)
+
+    def set_speed(self, speed: float, source: int, now: Instant) -> None:
+        """Use a speed along paths."""
+        check_finite(speed)
+        if not 0.0 < speed <= self._fastest:
+            raise MessageError("the speed is out of bounds")
+        self._speed = speed
+
+    def __call__(self, path: Waypoints, source: int, now: Instant) -> None:
+        """Use a path."""
+        check_frame(path.frame, self._frames)
+        points = path.points
+        for point in points:
+            check_finite(*point)
+        closed = len(points) > _FEWEST and math.dist(points[0], points[-1]) < _CLOSED_WITHIN_M
+        if closed:
+            points = points[:-1]
+        if len(points) < _FEWEST:
+            raise MessageError("the path has fewer than two points")
+        if len(points) > len(self._record.x):
+            raise MessageError("the path has too many poses")
+        record, count = self._record, len(points)
+        record.stamp_ns = self._window.monotonic_ns(path.stamp_ns, now)
+        record.count, record.closed, record.speed = count, closed, self._speed
+        for row, values in ((record.x, [x for x, _ in points]), (record.y, [y for _, y in points])):
+            row[:count], row[count:] = values, 0.0
+        self._write(record)

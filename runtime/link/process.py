@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The link as a process: zenoh's threads take what comes, this thread sends, and logs how it keeps its own time."""
+
+from __future__ import annotations
+
+import gc
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from runtime.executors.linux import Alarm, run_first, stay_on
+from runtime.executors.tick import ENTRY, manifest_of, tick_record
+from runtime.executors.tick_stream import TickListener, TickStream
+from runtime.executors.timing import next_tick
+from runtime.link.clocks import ClockWatch, instant
+from runtime.link.control_monitor import ControlMonitor
+from runtime.link.diagnosis import Diagnosis
+from runtime.link.inputs import Inputs
+from runtime.link.loop import link_loop
+from runtime.link.outputs import Outputs
+from runtime.link.setup import LinkSetup
+from runtime.messages.session import RosSession, session_config
+from runtime.records import Record
+from runtime.robots import topics
+from runtime.signals import Battery, Imu, OperatorEvent, Pose
+from runtime.signals import Path as PathRecord
+from runtime.tasks import Loop
+
+TICKS_FILE, RECORDER_FILE = "link.sock", "recorder.sock"
+_MOST_DATAGRAMS = 256
+"""Taken in one tick, so that a backlog does not hold up what is to be sent."""
+_NS_PER_SECOND = 1_000_000_000
+
+
+def run(setup: LinkSetup, directory: Path, stop: threading.Event, say: Callable[[str], None]) -> None:
+    """Carry messages until told to stop.
+
+    Args:
+        setup: of the robot.
+        directory: the runtime directory.
+        stop: ends the run within a tick.
+        say: told, in a sentence each, what the system did not grant, and that the link is up.
+
+    Raises:
+        SessionError: if zenoh cannot be opened.
+        SharedMemoryError: if another link is running.
+        TickStreamError: if another link is running.
+    """
+    refused = [reason for reason in _privileges(setup) if reason]
+    for reason in refused:
+        say(f"link: {reason}")
+    link = setup.config
+    listener = TickListener(directory / TICKS_FILE)
+    try:
+        inputs = Inputs(link, _records(setup.loops), directory, _taken_hz(setup.loops))
+        try:
+            config = session_config(link.listen, link.connect, Path(link.zenoh_config) if link.zenoh_config else None)
+            with (
+                _collector_frozen(),
+                _switch_interval(setup.switch_interval_us),
+                RosSession("ugv_link", link.domain_id, config, link.type_hashes) as session,
+            ):
+                inputs.subscribe(session)
+                say(f"link: carrying messages of ROS domain {link.domain_id}")
+                _Carrier(setup, directory, session, listener, inputs, refused).run(stop)
+        finally:
+            inputs.close()
+    finally:
+        listener.close()
+
+
+class _Carrier:
+    """The link's own loop."""
+
+    def __init__(
+        self,
+        setup: LinkSetup,
+        directory: Path,
+        session: RosSession,
+        listener: TickListener,
+        inputs: Inputs,
+        refused: Sequence[str],
+    ) -> None:
+        self._loop = link_loop(setup.config, setup.priority)
+        self._session, self._listener, self._inputs, self._refused = session, listener, inputs, refused
+        self._monitor = ControlMonitor(manifest_of(setup.loops))
+        self._clocks = ClockWatch()
+        self._tick = tick_record(self._loop)
+        manifest = manifest_of((*setup.loops, self._loop))
+        self._channel = manifest.of_topic(self._tick.topic).number
+        self._log = TickStream(directory / RECORDER_FILE)
+        self._outputs = Outputs(
+            session,
+            setup.config,
+            setup.robot,
+            setup.joint_names,
+            setup.description,
+            self._monitor,
+            Diagnosis(self._monitor, inputs.tally, setup.config.silent_ns),
+            instant(),
+        )
+
+    def run(self, stop: threading.Event) -> None:
+        """Tick until told to stop."""
+        alarm, tick, period_ns = Alarm(), self._tick, self._loop.period_ns
+        start_ns, index = time.monotonic_ns(), 0
+        try:
+            while not stop.is_set():
+                tick.release_ns = start_ns + index * period_ns
+                alarm.sleep_until(tick.release_ns)
+                tick.index, tick.now_ns = index, time.monotonic_ns()
+                tick.wake_latency_ns = tick.now_ns - tick.release_ns
+                self._step(tick.now_ns)
+                done_ns = time.monotonic_ns()
+                tick.compute_ns = done_ns - tick.now_ns
+                tick.late = done_ns > tick.release_ns + self._loop.budget_ns
+                tick.dropped = self._log.dropped
+                body = tick.to_bytes()
+                self._log.write(ENTRY.pack(self._channel, len(body)) + body)
+                index, tick.skipped = next_tick(index, start_ns, period_ns, time.monotonic_ns())
+        finally:
+            self._log.close()
+
+    def _step(self, now_ns: int) -> None:
+        self._inputs.outlet.flush(now_ns)
+        for _ in range(_MOST_DATAGRAMS):
+            datagram = self._listener.receive(0.0)
+            if datagram is None:
+                break
+            self._monitor.take(datagram, now_ns)
+        self._clocks.look()
+        self._outputs.publish(instant(), self._figures)
+
+    def _figures(self) -> dict[str, object]:
+        """What /diagnostics says of the link itself."""
+        outlet = self._inputs.outlet
+        return {
+            "peers": self._session.peers(),
+            "clock_steps": self._clocks.steps,
+            "suspends": self._clocks.suspends,
+            "requests_written": outlet.written,
+            "requests_merged": outlet.merged,
+            "requests_waiting": outlet.waiting,
+            "tokens_overlooked": self._inputs.senders.overlooked,
+            "recorder_drops": self._log.dropped,
+            "ticks": self._tick.index,
+            "not_granted": "; ".join(self._refused) or "nothing",
+        }
+
+
+def _privileges(setup: LinkSetup) -> Iterator[str]:
+    """Ask for what zenoh's threads are to inherit; gives why something was refused."""
+    yield run_first(setup.priority)
+    if setup.processors:
+        yield stay_on(setup.processors)
+
+
+def _records(loops: Sequence[Loop]) -> dict[str, Record]:
+    """A record of each input's layout."""
+    measured = (Imu(topics.IMU), Pose(topics.LOCALIZATION), Battery(topics.BATTERY))
+    path = next(r for loop in loops for r in loop.port_inputs if isinstance(r, PathRecord))
+    return {record.topic: record for record in (*measured, path.like(), OperatorEvent(topics.OPERATOR_EVENT))}
+
+
+def _taken_hz(loops: Sequence[Loop]) -> float:
+    """How many requests the control loop takes a second: one a tick."""
+    return _NS_PER_SECOND / min(loop.period_ns for loop in loops)
+
+
+@contextmanager
+def _collector_frozen() -> Iterator[None]:
+    """What is there by now is never looked at again by the cyclic garbage collector, which so has little to do."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+
+
+@contextmanager
+def _switch_interval(microseconds: int) -> Iterator[None]:
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(microseconds * 1e-6)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
