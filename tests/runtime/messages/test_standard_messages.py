@@ -11,13 +11,16 @@ from hypothesis.extra.numpy import arrays
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from runtime.messages import definitions
+from runtime.messages.battery import BatteryMessage, decode_battery_state
+from runtime.messages.diagnostics import Level, Status, encode_diagnostics
 from runtime.messages.imu import ImuMessage
 from runtime.messages.joint_state import JointStateMessage
 from runtime.messages.odometry import OdometryMessage
-from runtime.messages.path import PathMessage
-from runtime.messages.transform import TransformMessage
+from runtime.messages.path import PathMessage, decode_path
+from runtime.messages.standard import decode_string, encode_string
+from runtime.messages.transform import TransformMessage, encode_fixed
 from runtime.messages.twist import TwistStampedMessage
-from runtime.signals import BodyCommand, BodyState, Imu, JointState, Path
+from runtime.signals import Battery, BodyCommand, BodyState, Imu, JointState, Path
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 STAMPS = st.integers(0, 2**31 * 10**9 - 1)
@@ -136,6 +139,58 @@ def test_twist(stamp_ns, velocity, yaw_rate):
     assert xyz(message.twist.angular) == [0.0, 0.0, yaw_rate]
 
 
+@settings(max_examples=50, deadline=None)
+@given(STAMPS, NUMBERS, NUMBERS, st.floats(0, 1))
+def test_battery_state(stamp_ns, voltage, current, charge):
+    battery = Battery("/battery")
+    battery.stamp_ns, battery.voltage, battery.current, battery.charge = stamp_ns, voltage, current, charge
+    payload = BatteryMessage().encode(battery)
+    message = read(payload, definitions.BATTERY_STATE)
+    check_stamp(message.header.stamp, stamp_ns)
+    assert (message.voltage, message.current, message.percentage) == tuple(np.float32([voltage, -current, charge]))
+    assert message.present
+    assert np.isnan(message.temperature)
+    assert decode_battery_state(payload)[1:] == tuple(np.float32([voltage, current, charge]))
+
+
+@settings(max_examples=50, deadline=None)
+@given(STAMPS, st.lists(st.tuples(FRAMES, st.sampled_from(Level), FRAMES, st.dictionaries(FRAMES, FRAMES))))
+def test_diagnostics(stamp_ns, rows):
+    message = read(encode_diagnostics(stamp_ns, [Status(*row) for row in rows], "uslgo1"), definitions.DIAGNOSTIC_ARRAY)
+    check_stamp(message.header.stamp, stamp_ns)
+    assert [
+        (status.name, status.level, status.message, {pair.key: pair.value for pair in status.values})
+        for status in message.status
+    ] == rows
+    assert all(status.hardware_id == "uslgo1" for status in message.status)
+
+
+@settings(max_examples=50, deadline=None)
+@given(STAMPS, FRAMES, FRAMES)
+def test_a_fixed_transform_is_the_identity(stamp_ns, frame, child):
+    message = read(encode_fixed(stamp_ns, frame, child), definitions.TF).transforms[0]
+    check_stamp(message.header.stamp, stamp_ns)
+    assert (message.header.frame_id, message.child_frame_id) == (frame, child)
+    assert xyz(message.transform.translation) == [0, 0, 0]
+    turned = message.transform.rotation
+    assert (turned.x, turned.y, turned.z, turned.w) == (0, 0, 0, 1)
+
+
+@given(FRAMES)
+def test_string(text):
+    assert read(encode_string(text), definitions.STRING).data == decode_string(encode_string(text)) == text
+
+
+@settings(max_examples=50, deadline=None)
+@given(STAMPS, st.integers(0, 12), vectors(12), vectors(12))
+def test_a_path_that_was_sent_is_received(stamp_ns, count, x, y):
+    path = Path("/path", {"path": 12})
+    path.stamp_ns, path.count, path.x, path.y = stamp_ns, count, x, y
+    received = decode_path(PathMessage().encode(path), 12)
+    assert (received.stamp_ns, received.frame) == (stamp_ns, "odom")
+    assert received.points == list(zip(x[:count].tolist(), y[:count].tolist(), strict=True))
+
+
 @pytest.mark.parametrize(
     "name",
     [
@@ -144,12 +199,23 @@ def test_twist(stamp_ns, velocity, yaw_rate):
         definitions.ODOMETRY,
         definitions.TF,
         definitions.PATH,
+        definitions.TWIST,
         definitions.TWIST_STAMPED,
+        definitions.POSE_STAMPED,
+        definitions.POSE_WITH_COVARIANCE_STAMPED,
+        definitions.BATTERY_STATE,
+        definitions.LASER_SCAN,
+        definitions.POINT_CLOUD2,
+        definitions.DIAGNOSTIC_ARRAY,
+        definitions.BOOL,
+        definitions.STRING,
+        definitions.FLOAT64,
     ],
 )
 def test_definitions_parse_and_agree_with_humble(name):
     types = get_types_from_msg(definitions.definition(name), name)
-    assert types[name] == STORE.fielddefs[name]
+    (_, fields), (_, of_humble) = types[name], STORE.fielddefs[name]  # constants were added since
+    assert fields == of_humble
 
 
 def test_type_hash_is_that_of_the_distribution():
