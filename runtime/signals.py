@@ -3,9 +3,8 @@
 
 Stamps are nanoseconds, units SI, quaternions (x, y, z, w), frames as REP 105: `odom` is the world-fixed frame of the
 estimate, `base` the trunk frame (x forward, y left, z up). Symbolic sizes: `joint`, `foot`, `foot_xyz` (three a foot),
-`bus` (CAN buses),
-`frame` (capacity of a batch of CAN frames), `frame_byte` (16 per frame), `path` (capacity of a path), and of the MPC's
-horizon `knot` (steps + 1), `horizon_foot` (foot x steps) and `horizon_xyz` (three times that).
+`bus` (CAN buses), `frame` (capacity of a batch of CAN frames), `frame_byte` (16 per frame), `path` (capacity of a path),
+and of the MPC's horizon `knot` (steps + 1), `horizon_foot` (foot x steps) and `horizon_xyz` (three times that).
 """
 
 from __future__ import annotations
@@ -37,13 +36,17 @@ class Motion(IntEnum):
 
 
 class Mode(IntEnum):
-    """States of the safety state machine (OFF -> STANDBY -> STANDING -> ACTIVE, DAMPED from anywhere)."""
+    """States of the safety state machine (OFF -> STANDBY -> STANDING -> ACTIVE, DAMPED from anywhere).
+
+    CROUCHING, between power and DAMPED, lowers a trunk that can no longer be balanced.
+    """
 
     OFF = 0
     STANDBY = 1
     STANDING = 2
     ACTIVE = 3
     DAMPED = 4
+    CROUCHING = 5
 
 
 class Stance(IntEnum):
@@ -72,6 +75,20 @@ class Fault(IntFlag):
     JOINT_VELOCITY = 1 << 10
     STALE_LOCALIZATION = 1 << 11
     STALE_BODY_COMMAND = 1 << 12
+    STALE_OPERATOR = 1 << 13
+    NO_LEASE = 1 << 14
+    EMERGENCY_STOP = 1 << 15
+    BUS = 1 << 16
+    SATURATION = 1 << 17
+    FROZEN_IMU = 1 << 18
+    IMPLAUSIBLE_IMU = 1 << 19
+    IMU_TIME = 1 << 20
+    LATE_LOOP = 1 << 21
+    OVERRUNS = 1 << 22
+    LATE_FORCES = 1 << 23
+    NO_FORCES = 1 << 24
+    MOVED_LOCALIZATION = 1 << 25
+    MISSING_REPLY = 1 << 26
 
 
 class Request(IntEnum):
@@ -85,6 +102,13 @@ class Request(IntEnum):
     EMERGENCY_STOP = 5
     RELEASE = 6
     VELOCITY = 7
+
+
+class Steering(IntEnum):
+    """What a walking robot follows."""
+
+    PATH = 0
+    VELOCITY = 1
 
 
 class BusState(IntEnum):
@@ -177,15 +201,26 @@ class OperatorEvent(Record):
     request = uint8("", "Request: 0 life, 1 arm, 2 disarm, 3 motion, 4 reset, 5 e-stop, 6 release, 7 velocity")
     motion = uint8("", "Motion that is asked for")
     velocity = float64_array(3, "m/s, m/s, rad/s", "forward, lateral, yaw rate that are asked for")
+    sequence = int64("", "of the process that passes events on; two events differ in it or in their stamps")
 
 
 class OperatorRequest(Record):
-    """What the operator asks; the stamp is that of the last sign of life."""
+    """What the holder of the lease asks for."""
 
-    stamp_ns = int64("ns")
+    stamp_ns = int64("ns", "last sign of life of the holder")
     motion = uint8("", "Motion: 0 rest, 1 stand, 2 walk, 3 sit")
-    arm = boolean("the operator has armed the robot")
-    reset = boolean("asks to leave DAMPED")
+    arm = boolean("the robot is armed")
+    reset = boolean("asks to leave DAMPED, and to take the localisation at its word")
+    emergency_stop = boolean("anyone asked to stop; latched until a reset with the arm withdrawn")
+    held = boolean("there is a holder of the lease")
+    priority = uint8("", "of the holder")
+    steering = uint8("", "Steering: 0 path, 1 velocity")
+    holder = int64("", "the source that holds the lease")
+    velocity = float64_array(3, "m/s, m/s, rad/s", "forward, lateral, yaw rate that the holder asks for")
+    velocity_ns = int64("ns", "stamp of that velocity")
+    leases = uint32("", "leases given since start")
+    refused = uint32("", "events since start that only the holder, or only an unarmed robot, may send")
+    malformed = uint32("", "events rejected since start: unknown, not finite, too old, or stamped in the future")
 
 
 class Path(Record):
@@ -230,7 +265,9 @@ class BodyState(Record):
     height = float64("m", "trunk origin above the stance plane, along world z")
     localization_age_ns = int64("ns", "age of the newest pose that was fused")
     localization_rejected = uint32("", "poses rejected since start")
-    imu_rejected = uint32("", "samples that were not finite since start")
+    imu_rejected = uint32("", "samples since start that were not finite, not plausible or not in order of time")
+    imu_age_ns = int64("ns", "age of the inertial sample that was used")
+    localization_disputed = uint32("", "poses in a row that agree with each other but not with the estimate")
 
 
 class BodyCommand(Record):
@@ -316,8 +353,11 @@ class SafetyStatus(Record):
     """State of the safety filter."""
 
     stamp_ns = int64("ns")
-    mode = uint8("", "Mode: 0 off, 1 standby, 2 standing, 3 active, 4 damped")
+    mode = uint8("", "Mode: 0 off, 1 standby, 2 standing, 3 active, 4 damped, 5 crouching")
     fault = uint32("", "Fault bits that are latched")
     warning = uint32("", "Fault bits of this tick")
     limited = uint32("", "commands altered by a limit since start")
     faults = uint32("", "falls into DAMPED since start")
+    halt = uint32("", "Fault bits for which the robot slows to a stand")
+    coasted = uint32("", "ticks since start at which a joint went on with its last reply, summed over joints")
+    derated = boolean("torque is limited to the lower bound")
