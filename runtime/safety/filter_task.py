@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last task before the drives: limits every command, and damps the robot when something is wrong."""
+"""The last task before the drives: limits every command, and answers when something is wrong."""
 
 from __future__ import annotations
 
@@ -10,18 +10,23 @@ import numpy as np
 import numpy.typing as npt
 
 from runtime.compiled import compiled, table_of
-from runtime.records import Record, float64_array, int64, uint8, uint32
-from runtime.safety.limits import SafetyConfig, is_finite, is_finite_sample, joint_bounds, sensor_faults, within
-from runtime.safety.state_machine import next_mode
+from runtime.models.inertial import InertialConfig
+from runtime.safety.answers import HALTS, POWERED, derating_faults, health_of
+from runtime.safety.config import SafetyConfig
+from runtime.safety.limits import joint_bounds, within
+from runtime.safety.state_machine import Health, next_mode
+from runtime.safety.watch import Inputs, SafetyMemory, faults
 from runtime.signals import (
     Battery,
+    BodyCommand,
     BodyState,
+    BusStatus,
     ContactForces,
-    Fault,
     Gait,
     Imu,
     JointCommand,
     JointState,
+    LoopTiming,
     Mode,
     Motion,
     OperatorRequest,
@@ -32,20 +37,6 @@ from runtime.signals import (
 from runtime.tasks import Task
 
 Array = npt.NDArray[np.float64]
-WARNINGS = (Fault.NON_FINITE_SENSOR | Fault.STALE_LOCALIZATION).value
-"""Conditions that are reported but do not damp: the estimator bridges them."""
-POWERED = (Mode.STANDING, Mode.ACTIVE)
-
-
-class SafetyMemory(Record):
-    """What the filter must remember."""
-
-    mode = uint8()
-    imu_ns = int64("ns", "stamp of the last finite inertial sample")
-    fault = uint32()
-    limited = uint32()
-    faults = uint32()
-    effort = float64_array("joint", "N.m", "of the last command")
 
 
 class SafetyTask(Task):
@@ -53,8 +44,9 @@ class SafetyTask(Task):
 
     Args:
         config: limits.
+        inertial: what an inertial sample may be.
         period_ns: of the loop.
-        imu, joints, body, battery, operator, posture, gait, forces, command: records read.
+        imu, joints, body, battery, buses, timing, operator, posture, gait, body_command, forces, command: records read.
         output, status: records written.
     """
 
@@ -63,101 +55,88 @@ class SafetyTask(Task):
     def __init__(
         self,
         config: SafetyConfig,
+        inertial: InertialConfig,
         period_ns: int,
         imu: Imu,
         joints: JointState,
         body: BodyState,
         battery: Battery,
+        buses: BusStatus,
+        timing: LoopTiming,
         operator: OperatorRequest,
         posture: Posture,
         gait: Gait,
+        body_command: BodyCommand,
         forces: ContactForces,
         command: JointCommand,
         output: JointCommand,
         status: SafetyStatus,
     ) -> None:
-        self._operator, self._posture, self._status = operator, posture, status
-        self.reads = (imu, joints, body, battery, operator, posture, gait, forces, command)
-        self.writes = (output, status)
+        self._config, self._derating = config, derating_faults(config)
+        self._operator, self._posture, self._gait, self._status = operator, posture, gait, status
+        watched = imu, joints, body, battery, buses, timing, operator, body_command, gait, forces, command
+        self.reads, self.writes = (*watched, posture), (output, status)
         self.state: SafetyMemory = SafetyMemory("/ugv/state/safety", output.sizes)
-        limits = table_of(config), *joint_bounds(config)
-        self._faults = partial(
-            _faults,
-            *limits,
-            self.state.table,
-            imu.table,
-            joints.table,
-            body.table,
-            battery.table,
-            operator.table,
-            gait.table,
-            forces.table,
-            command.table,
-        )
+        parameters, low, high = table_of(config), *joint_bounds(config)
+        inputs = Inputs(*(record.table for record in watched))
+        self._faults = partial(faults, parameters, table_of(inertial), low, high, self.state.table, inputs)
         effort_step = config.effort_rate_max_nmps * period_ns * 1e-9
         self._filter = partial(
-            _filter, *limits, effort_step, joints.table, command.table, self.state.table, output.table
+            _filter, parameters, low, high, effort_step, joints.table, command.table, self.state.table, output.table
         )
 
     def step(self, now_ns: int) -> None:
         """One tick; see `Task`."""
-        memory, operator, status = self.state, self._operator, self._status
+        memory, status = self.state, self._status
         found = self._faults(now_ns)
-        before = memory.mode
-        mode = next_mode(
-            Mode(before),
-            not found & ~WARNINGS,
+        before = Mode(memory.mode)
+        tolerated = self._derate(before, found, now_ns)
+        mode = self._next_mode(before, self._health(before, found, tolerated, now_ns))
+        if mode in (Mode.CROUCHING, Mode.DAMPED) and before not in (Mode.CROUCHING, Mode.DAMPED):
+            memory.fault, memory.faults, memory.crouch_ns = found, memory.faults + 1, now_ns
+        elif mode == Mode.DAMPED and before == Mode.CROUCHING:
+            memory.fault |= found
+        elif mode not in (Mode.CROUCHING, Mode.DAMPED):
+            memory.fault = 0
+        memory.mode = mode
+        self._filter(now_ns, mode in POWERED and before in POWERED, memory.derated != 0)
+        status.stamp_ns, status.mode, status.warning = now_ns, mode, found
+        status.fault, status.limited, status.faults = memory.fault, memory.limited, memory.faults
+        status.halt, status.coasted = found & HALTS | memory.derated, memory.coasted
+        status.derated = memory.derated != 0
+
+    def _next_mode(self, mode: Mode, health: Health) -> Mode:
+        operator = self._operator
+        return next_mode(
+            mode,
+            health,
             operator.arm,
             operator.reset,
             Motion(operator.motion),
             Stance(self._posture.stance),
+            self._gait.walking,
         )
-        if mode == Mode.DAMPED and before != Mode.DAMPED:
-            memory.fault, memory.faults = found, memory.faults + 1
-        elif mode != Mode.DAMPED:
-            memory.fault = 0
-        memory.mode = mode
-        self._filter(now_ns, mode in POWERED and before in POWERED)
-        status.stamp_ns, status.mode, status.warning = now_ns, mode, found
-        status.fault, status.limited, status.faults = memory.fault, memory.limited, memory.faults
 
+    def _health(self, mode: Mode, found: int, tolerated: int, now_ns: int) -> Health:
+        if mode == Mode.CROUCHING and now_ns - self.state.crouch_ns > self._config.crouch_max_ns:
+            return Health.UNFIT
+        return health_of(found, mode, tolerated)
 
-@compiled
-def _faults(
-    configs: Sequence[SafetyConfig],
-    low: Array,
-    high: Array,
-    memories: Sequence[SafetyMemory],
-    samples: Sequence[Imu],
-    all_joints: Sequence[JointState],
-    bodies: Sequence[BodyState],
-    batteries: Sequence[Battery],
-    operators: Sequence[OperatorRequest],
-    gaits: Sequence[Gait],
-    plans: Sequence[ContactForces],
-    commands: Sequence[JointCommand],
-    now_ns: int,
-) -> int:
-    """What is wrong with the inputs, the commands, and the posture they were made for, as bits of `Fault`."""
-    config, memory, imu, joints = configs[0], memories[0], samples[0], all_joints[0]
-    finite = is_finite_sample(imu)
-    if finite:
-        memory.imu_ns = imu.stamp_ns
-    found = sensor_faults(config, now_ns, memory.imu_ns, joints, bodies[0], batteries[0].voltage)
-    if not finite:
-        found |= Fault.NON_FINITE_SENSOR.value
-    if not is_finite(commands[0]):
-        found |= Fault.NON_FINITE_COMMAND.value
-    powered = memory.mode == Mode.STANDING or memory.mode == Mode.ACTIVE
-    for joint in range(low.shape[0]):
-        beyond = max(joints.position[joint] - high[joint], low[joint] - joints.position[joint])
-        if powered and not beyond <= config.position_margin_rad:
-            found |= Fault.JOINT_POSITION.value
-    if gaits[0].walking and now_ns - plans[0].stamp_ns > config.forces_age_max_ns:
-        found |= Fault.STALE_FORCES.value
-    if now_ns - operators[0].stamp_ns > config.command_age_max_ns:
-        found |= Fault.STALE_BODY_COMMAND.value
-    return found
+    def _derate(self, mode: Mode, found: int, now_ns: int) -> int:
+        """Keep account of the faults that the robot is derated for; those that are tolerated yet."""
+        memory, present = self.state, found & self._derating
+        if mode not in POWERED:
+            memory.derated = 0
+            return 0
+        if present:
+            if not memory.derated:
+                memory.derate_ns = now_ns
+            memory.derated |= present
+            memory.derate_seen_ns = now_ns
+        elif now_ns - memory.derate_seen_ns > self._config.derate_clear_ns:
+            memory.derated = 0
+        expired = memory.derated and now_ns - memory.derate_ns > self._config.derate_ns
+        return 0 if expired else self._derating
 
 
 @compiled
@@ -172,6 +151,7 @@ def _filter(
     outputs: Sequence[JointCommand],
     now_ns: int,
     powered: bool,
+    derated: bool,
 ) -> None:
     """The command within its limits; or without power no stiffness, no torque, and velocity damping."""
     config, command, memory, output = configs[0], commands[0], memories[0], outputs[0]
@@ -186,6 +166,8 @@ def _filter(
         return
     one = np.ones(low.shape[0])
     strongest, fastest = config.effort_max_nm * one, config.velocity_max_radps * one
+    if derated:
+        strongest = config.derated_effort_nm * one
     lowest = np.maximum(-strongest, np.minimum(strongest, memory.effort - effort_step))
     highest = np.maximum(-strongest, np.minimum(strongest, memory.effort + effort_step))
     altered = within(command.position, low, high, output.position)

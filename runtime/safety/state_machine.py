@@ -1,29 +1,48 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may move what: OFF -> STANDBY -> STANDING -> ACTIVE, and DAMPED from anywhere."""
+"""Who may move what: OFF -> STANDBY -> STANDING -> ACTIVE, and DAMPED from anywhere, by way of CROUCHING or at once."""
 
 from __future__ import annotations
+
+from enum import IntEnum
 
 from runtime.signals import Mode, Motion, Stance
 
 
-def next_mode(mode: Mode, healthy: bool, armed: bool, reset: bool, motion: Motion, stance: Stance) -> Mode:
+class Health(IntEnum):
+    """What is left of a robot with a fault."""
+
+    FIT = 0
+    BLIND = 1
+    UNFIT = 2
+
+
+def next_mode(
+    mode: Mode, health: Health, armed: bool, reset: bool, motion: Motion, stance: Stance, walking: bool
+) -> Mode:
     """The state that follows.
 
-    DAMPED is latched: leaving it takes a healthy robot and an explicit reset with the arm withdrawn, then a new arm.
+    DAMPED is latched: leaving it takes a fit robot and an explicit reset with the arm withdrawn, then a new arm. A blind
+    robot can no longer balance, but its joints obey: it crouches, whatever returns meanwhile, and is then damped.
 
     Args:
         mode: present state.
-        healthy: no fault in this tick.
+        health: by the faults of this tick; a robot whose crouching has lasted too long is unfit.
         armed: the operator holds the arm.
         reset: the operator asks to leave DAMPED.
         motion: what the operator asks for.
         stance: what the legs are doing.
+        walking: whether the gait steps.
     """
     if mode == Mode.DAMPED:
-        return Mode.STANDBY if healthy and reset and not armed else Mode.DAMPED
+        return Mode.STANDBY if health == Health.FIT and reset and not armed else Mode.DAMPED
     if mode == Mode.OFF:
-        return Mode.STANDBY if healthy else Mode.OFF
-    if not healthy:
+        return Mode.STANDBY if health == Health.FIT else Mode.OFF
+    if mode == Mode.CROUCHING:
+        ended = health == Health.UNFIT or not armed or stance == Stance.RESTING
+        return Mode.DAMPED if ended else Mode.CROUCHING
+    if health == Health.BLIND and mode != Mode.STANDBY and stance != Stance.RESTING:
+        return Mode.CROUCHING
+    if health != Health.FIT:
         return Mode.DAMPED
     if mode == Mode.STANDBY:
         return Mode.STANDING if armed and motion in (Motion.STAND, Motion.WALK) else Mode.STANDBY
@@ -32,6 +51,6 @@ def next_mode(mode: Mode, healthy: bool, armed: bool, reset: bool, motion: Motio
         return Mode.STANDBY if resting else Mode.DAMPED
     if mode == Mode.STANDING and motion == Motion.WALK and stance == Stance.STANDING:
         return Mode.ACTIVE
-    if mode == Mode.ACTIVE and motion != Motion.WALK:
+    if mode == Mode.ACTIVE and motion != Motion.WALK and not walking:
         return Mode.STANDING
     return mode
