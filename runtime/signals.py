@@ -3,8 +3,8 @@
 
 Stamps are nanoseconds, units SI, quaternions (x, y, z, w), frames as REP 105: `odom` is the world-fixed frame of the
 estimate, `base` the trunk frame (x forward, y left, z up). Symbolic sizes: `joint`, `foot`, `foot_xyz` (three a foot),
-`bus` (CAN buses), `frame` (capacity of a batch of CAN frames), `frame_byte` (16 per frame), `path` (capacity of a path),
-and of the MPC's horizon `knot` (steps + 1), `horizon_foot` (foot x steps) and `horizon_xyz` (three times that).
+`bus` (CAN buses), `frame` (capacity of a batch of CAN frames), `frame_byte` (16 per frame), `path` (capacity of a
+path), and of the MPC's horizon `knot` (steps + 1), `horizon_foot` (foot x steps) and `horizon_xyz` (three times that).
 """
 
 from __future__ import annotations

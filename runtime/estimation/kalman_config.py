@@ -20,7 +20,8 @@ class KalmanConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         landing_velocity_mps: the same right after touchdown and right before lift-off.
         localization_position_m, localization_yaw_rad: standard deviations of the localisation sensor.
         localization_gate: innovations beyond this many standard deviations are rejected and counted.
-        localization_stale_ns: age from which the pose counts as missing.
+        localization_jump_m, localization_jump_rad: and so are those beyond these, however uncertain the estimate is.
+        longest_step_s: a longer gap between steps counts as this.
         contact_force_n: normal force from which a foot carries load.
         early_contact_force_n: the same for a foot that is scheduled to be in the air.
         contact_filter_s: low-pass on the estimated force.
@@ -37,7 +38,9 @@ class KalmanConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     localization_position_m: Positive = 0.02
     localization_yaw_rad: Positive = 0.0087
     localization_gate: Positive = 6.0
-    localization_stale_ns: Annotated[int, msgspec.Meta(gt=0, le=10_000_000_000)] = 1_000_000_000
+    localization_jump_m: Positive = 0.5
+    localization_jump_rad: Positive = 0.35
+    longest_step_s: Annotated[float, msgspec.Meta(ge=0.001, le=1.0)] = 0.05
     contact_force_n: Positive = 12.0
     early_contact_force_n: Positive = 20.0
     contact_filter_s: Positive = 0.006

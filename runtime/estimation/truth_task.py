@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from runtime.compiled import compiled, table_of
-from runtime.estimation.body_output import StanceMemory, complete
+from runtime.estimation.body_output import StanceMemory, complete, seconds_since_last
 from runtime.estimation.kalman_config import KalmanConfig
 from runtime.models.leg_kinematics import leg_state
 from runtime.models.quadruped import Quadruped
@@ -70,6 +70,7 @@ def _estimate(
     outputs: Sequence[BodyState],
 ) -> None:
     config, robot, truth, joints, output = configs[0], robots[0], truths[0], all_joints[0], outputs[0]
+    seconds = seconds_since_last(memories[0], now_ns, period_s, config.longest_step_s)
     output.stamp_ns = now_ns
     output.position[:] = truth.position
     output.orientation[:] = truth.orientation
@@ -83,6 +84,6 @@ def _estimate(
         matrix_of_quaternion(truth.orientation),
         output.contact_force > config.contact_force_n,
         robot.foot_radius_m,
-        period_s / config.plane_time_s,
-        period_s / config.course_time_s,
+        seconds / config.plane_time_s,
+        seconds / config.course_time_s,
     )

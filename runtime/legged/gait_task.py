@@ -13,11 +13,12 @@ import numpy.typing as npt
 from runtime.compiled import compiled, table_of
 from runtime.legged.footholds import FootholdConfig, TrunkMotion, foothold
 from runtime.legged.gait import GaitConfig, foot_phases, phase_progress, scheduled_stance
+from runtime.legged.reference import Demand
 from runtime.legged.swing import SwingConfig, foot_reference
 from runtime.models.quadruped import FORWARD, LEFT, Quadruped
 from runtime.models.rotations import yaw_of_quaternion
 from runtime.records import Record, boolean, boolean_array, float64_array, int64, int64_array, uint32
-from runtime.signals import BodyCommand, BodyState, Gait, Mode, Posture, SafetyStatus, Stance
+from runtime.signals import BodyCommand, BodyState, Fault, Gait, Mode, Posture, SafetyStatus, Stance
 from runtime.tasks import Task
 
 Array = npt.NDArray[np.float64]
@@ -27,6 +28,8 @@ LOST_AFTER_NS = 20_000_000
 """A standing foot that has not carried load for so long searches for the ground again."""
 EARLIEST_TOUCHDOWN = 0.6
 """Part of a swing before which contact is the foot scraping or lifting off, not landing."""
+UNLED = (Fault.STALE_FORCES | Fault.STALE_BODY_COMMAND).value
+"""Reasons to stand for which nobody slows the robot down, so that the gait itself must stop."""
 STANDSTILL_MPS = 0.02
 """Commands below this, and turn rates below ten times this, are standing."""
 
@@ -90,7 +93,7 @@ class GaitTask(Task):
         """One tick; see `Task`."""
         mode = self._safety.mode
         balancing = self._posture.stance == Stance.STANDING and mode in (Mode.STANDING, Mode.ACTIVE)
-        self._move(now_ns, balancing, balancing and mode == Mode.ACTIVE)
+        self._move(now_ns, balancing, balancing and mode == Mode.ACTIVE, bool(self._safety.halt & UNLED))
 
 
 @compiled
@@ -106,16 +109,20 @@ def _move(
     now_ns: int,
     balancing: bool,
     active: bool,
+    unled: bool,
 ) -> None:
-    """One tick: `balancing` if the legs carry the trunk, `active` if the robot may walk."""
-    gait, body, command, memory, output = gaits[0], bodies[0], commands[0], memories[0], outputs[0]
-    _start_or_stop(gait, memory, command, now_ns, balancing, active)
+    """One tick: `balancing` if the legs carry the trunk, `active` if the robot may walk, `unled` if it must stop."""
+    gait, body, memory, output = gaits[0], bodies[0], memories[0], outputs[0]
+    demand = Demand(0.0, 0.0, 0.0)
+    if not unled:
+        demand = Demand(commands[0].velocity[0], commands[0].velocity[1], commands[0].yaw_rate)
+    _start_or_stop(gait, memory, demand, now_ns, balancing, active, unled)
     stance, progress = np.ones(4, dtype=np.bool_), np.zeros(4)
     if memory.walking:
         phases = foot_phases(gait, memory.cycle_start_ns, now_ns)
         stance, progress = scheduled_stance(gait, phases), phase_progress(gait, phases)
     _follow_contacts(memory, body, now_ns, stance, progress)
-    _place_feet(robots[0], gait, rules[0], memory, body, command, stance, progress)
+    _place_feet(robots[0], gait, rules[0], memory, body, demand, stance, progress)
     for foot in range(4):
         output.contact[foot] = memory.touched[foot] and (stance[foot] or progress[foot] > 0.5)
     _move_feet(gait, swings[0], memory, body, now_ns, stance, progress, output)
@@ -133,10 +140,11 @@ def _move(
 
 @compiled
 def _start_or_stop(
-    gait: GaitConfig, memory: GaitMemory, command: BodyCommand, now_ns: int, balancing: bool, active: bool
+    gait: GaitConfig, memory: GaitMemory, demand: Demand, now_ns: int, balancing: bool, active: bool, unled: bool
 ) -> None:
-    speed = math.hypot(command.velocity[0], command.velocity[1])
-    wanted = active and (speed > STANDSTILL_MPS or abs(command.yaw_rate) > 10 * STANDSTILL_MPS)
+    """All feet stand at the end of a cycle and, which matters only where time is short, in its middle."""
+    speed = math.hypot(demand.forward, demand.lateral)
+    wanted = active and (speed > STANDSTILL_MPS or abs(demand.yaw_rate) > 10 * STANDSTILL_MPS)
     if not balancing:
         memory.walking = False
         memory.touched[:] = True
@@ -144,11 +152,21 @@ def _start_or_stop(
         if wanted:
             memory.walking, memory.cycle_start_ns = True, now_ns
             memory.touched[:] = True
+    elif unled and _changes_feet(gait, memory, now_ns):
+        memory.walking = False
+        memory.touched[:] = True
     elif now_ns - memory.cycle_start_ns >= gait.period_ns:
         memory.cycle_start_ns += gait.period_ns
         if not wanted:
             memory.walking = False
             memory.touched[:] = True
+
+
+@compiled
+def _changes_feet(gait: GaitConfig, memory: GaitMemory, now_ns: int) -> bool:
+    """Whether feet land and others are about to lift off."""
+    stance = scheduled_stance(gait, foot_phases(gait, memory.cycle_start_ns, now_ns))
+    return bool(stance.all() or (stance != memory.stance).any())
 
 
 @compiled
@@ -186,12 +204,12 @@ def _place_feet(
     rule: FootholdConfig,
     memory: GaitMemory,
     body: BodyState,
-    command: BodyCommand,
+    demand: Demand,
     stance: Mask,
     progress: Array,
 ) -> None:
     """Choose the footholds of the feet in the air, on the stance plane."""
-    trunk, normal = _trunk_motion(body, command), body.plane_normal
+    trunk, normal = _trunk_motion(body, demand), body.plane_normal
     ground = body.position[2] - trunk.height + robot.foot_radius_m / normal[2]
     for foot in range(4):
         if memory.touched[foot] or stance[foot]:
@@ -204,10 +222,10 @@ def _place_feet(
 
 
 @compiled
-def _trunk_motion(body: BodyState, command: BodyCommand) -> TrunkMotion:
+def _trunk_motion(body: BodyState, demand: Demand) -> TrunkMotion:
     heading = yaw_of_quaternion(body.orientation)
     cosine, sine = math.cos(heading), math.sin(heading)
-    forward, lateral = command.velocity[0], command.velocity[1]
+    forward, lateral = demand.forward, demand.lateral
     return TrunkMotion(
         body.position[0],
         body.position[1],
@@ -216,7 +234,7 @@ def _trunk_motion(body: BodyState, command: BodyCommand) -> TrunkMotion:
         body.linear_velocity[1],
         cosine * forward - sine * lateral,
         sine * forward + cosine * lateral,
-        command.yaw_rate,
+        demand.yaw_rate,
         body.height,
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from runtime.legged.posture import PostureConfig, blend
 from runtime.models.quadruped import Quadruped
-from runtime.records import Record, float64, float64_array, int64, uint8
+from runtime.records import Record, boolean, float64, float64_array, int64, uint8
 from runtime.signals import JointState, Mode, Motion, OperatorRequest, Posture, SafetyStatus, Stance
 from runtime.tasks import Task
 
@@ -21,13 +21,14 @@ class PostureMemory(Record):
     """What the posture must remember."""
 
     stance = uint8()
+    crouching = boolean()
     begin = float64_array("joint", "rad")
     begin_ns = int64("ns")
     duration_s = float64("s")
 
 
 class PostureTask(Task):
-    """Moves the joints between resting and standing when the operator asks and safety allows.
+    """Moves the joints between resting and standing when the operator asks and safety allows, or crouches for safety.
 
     Args:
         description: of the robot.
@@ -57,13 +58,15 @@ class PostureTask(Task):
     def step(self, now_ns: int) -> None:
         """One tick; see `Task`."""
         memory, output = self.state, self._output
-        powered = self._safety.mode in (Mode.STANDING, Mode.ACTIVE)
+        mode = self._safety.mode
         up = self._operator.motion in (Motion.STAND, Motion.WALK)
-        if not powered:
-            memory.stance = Stance.RESTING
+        if mode == Mode.CROUCHING:
+            self._crouch(now_ns)
+        elif mode not in (Mode.STANDING, Mode.ACTIVE):
+            memory.stance, memory.crouching = Stance.RESTING, False
         elif up and memory.stance in (Stance.RESTING, Stance.SITTING):
             self._begin(Stance.RISING, self._upright, now_ns)
-        elif not up and memory.stance in (Stance.RISING, Stance.STANDING):
+        elif not up and mode == Mode.STANDING and memory.stance in (Stance.RISING, Stance.STANDING):
             self._begin(Stance.SITTING, self._seated, now_ns)
         target = self._upright if memory.stance in (Stance.RISING, Stance.STANDING) else self._seated
         if memory.stance in (Stance.RISING, Stance.SITTING):
@@ -78,6 +81,13 @@ class PostureTask(Task):
         output.stamp_ns = now_ns
         output.stance = memory.stance
         output.progress = min(progress, 1.0)
+
+    def _crouch(self, now_ns: int) -> None:
+        """Go down from wherever the joints are."""
+        if not self.state.crouching:
+            self.state.crouching = True
+            self._begin(Stance.SITTING, self._seated, now_ns)
+            self.state.duration_s = self._config.crouch_s
 
     def _begin(self, stance: Stance, target: np.ndarray, now_ns: int) -> None:
         memory = self.state

@@ -21,8 +21,8 @@ def next_mode(
 ) -> Mode:
     """The state that follows.
 
-    DAMPED is latched: leaving it takes a fit robot and an explicit reset with the arm withdrawn, then a new arm. A blind
-    robot can no longer balance, but its joints obey: it crouches, whatever returns meanwhile, and is then damped.
+    DAMPED is latched: leaving it takes a fit robot and an explicit reset with the arm withdrawn, then a new arm. A
+    blind robot can no longer balance, but its joints obey: it crouches, whatever returns meanwhile, and is then damped.
 
     Args:
         mode: present state.

@@ -108,9 +108,7 @@ def faults(
 
 
 @compiled
-def inertial_faults(
-    config: SafetyConfig, inertial: InertialConfig, memory: SafetyMemory, imu: Imu, now_ns: int
-) -> int:
+def inertial_faults(config: SafetyConfig, inertial: InertialConfig, memory: SafetyMemory, imu: Imu, now_ns: int) -> int:
     """Judge a new inertial sample; what is wrong with the newest, and with the sensor for want of good ones."""
     if imu.stamp_ns != memory.imu_seen_ns:
         memory.imu_seen_ns = imu.stamp_ns

@@ -13,9 +13,10 @@ from msgspec import Meta
 
 from runtime.models.rotations import wrapped
 from runtime.records import Record, boolean, float64, float64_array, int64, uint32
-from runtime.signals import BodyCommand, BodyState, Path
+from runtime.signals import BodyCommand, BodyState, Mode, Motion, OperatorRequest, Path, SafetyStatus, Steering
 from runtime.tasks import Task
 from runtime.tracking.errors import PathError
+from runtime.tracking.inputs import line_of, planar_pose
 from runtime.tracking.look_ahead import FixedLookAhead, FuzzyLookAhead
 from runtime.tracking.polyline import ClosestPoint, Polyline
 from runtime.tracking.pure_pursuit import bearing, drift_angle, low_pass, pursuit_curvature
@@ -28,6 +29,7 @@ from runtime.tracking.speed import (
     surface_stretch,
 )
 from runtime.tracking.turn import TurnLimits, needs_turn, turn_rate
+from runtime.tracking.velocity import REST, PlanarVelocity, VelocityLimits, approached, wanted_velocity
 
 Seconds = Annotated[float, Meta(gt=0.0, le=10.0)]
 
@@ -39,6 +41,7 @@ class TrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         look_ahead: the look-ahead policy.
         speed: limits of speed and yaw rate.
         turn: when and how to turn in place.
+        velocity: limits of a velocity that the operator asks for instead.
         search_window_m: how far ahead of the last progress the closest point is searched.
         start_window_m: the same when a path is new; a path is run from its start.
         error_filter_s: time constant of the filtered derivative ec of the lateral error.
@@ -52,6 +55,7 @@ class TrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     look_ahead: FixedLookAhead | FuzzyLookAhead = msgspec.field(default_factory=FuzzyLookAhead)
     speed: SpeedLimits = msgspec.field(default_factory=SpeedLimits)
     turn: TurnLimits = msgspec.field(default_factory=TurnLimits)
+    velocity: VelocityLimits = msgspec.field(default_factory=VelocityLimits)
     search_window_m: Annotated[float, Meta(ge=0.1, le=5.0)] = 0.6
     start_window_m: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.5
     error_filter_s: Seconds = 0.5
@@ -78,6 +82,7 @@ class TrackerState(Record):
     error_magnitude = float64("m", "filtered magnitude of the lateral error")
     drift = float64("rad", "filtered angle from heading to course")
     speed = float64("m/s", "ramped, before the trim")
+    lateral = float64("m/s", "ramped")
     yaw_rate = float64("rad/s", "ramped")
     trim = float64("", "share added to the speed")
     heading = float64("rad", "last heading while moving")
@@ -92,20 +97,31 @@ class PathTracker(Task):
     it. A path is run from its start, to its goal, once: the same waypoints sent again only change the speed, and are
     run again only after a withdrawal. While the body state is not finite the command is zero.
 
+    It slows to a stand, and goes on from there, when safety asks for it, when a walking robot is asked to stand, or
+    when there is no path any more. An operator that steers by velocity has that followed and the path wait.
+
     Args:
-        path: read.
-        body: read.
+        path, body, request, safety: read.
         command: written.
         config: parameters.
     """
 
-    def __init__(self, path: Path, body: BodyState, command: BodyCommand, config: TrackerConfig | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        body: BodyState,
+        request: OperatorRequest,
+        safety: SafetyStatus,
+        command: BodyCommand,
+        config: TrackerConfig | None = None,
+    ) -> None:
         self.name = "tracker"
         self.config = config or TrackerConfig()
         self._path, self._body, self._command = path, body, command
+        self._request, self._safety = request, safety
         self._state = TrackerState("/ugv/state/tracker", path.sizes)
         self._line: Polyline | None = None
-        self.reads = (path, body)
+        self.reads = (path, body, request, safety)
         self.writes = (command,)
         self.state = self._state
 
@@ -122,15 +138,26 @@ class PathTracker(Task):
         self._take_path()
         dt = (now_ns - state.stamp_ns) * 1e-9 if state.stamp_ns else 0.0
         dt = min(max(dt, 0.0), self.config.longest_step_s)
-        pose = _planar_pose(self._body)
+        pose = planar_pose(self._body)
         command.clear()
         command.stamp_ns = now_ns
         command.rejected_paths = state.rejected_paths
-        if pose is None or self._line is None:
-            self._halt(pose)
+        if pose is None:
+            self._halt()
+        elif self._request.steering == Steering.VELOCITY:
+            wanted = wanted_velocity(self._request, now_ns, self.config.velocity, self.config.speed)
+            self._roam(pose, REST if self._halted else wanted, dt)
+        elif self._line is None:
+            self._roam(pose, REST, dt)
         else:
             self._track(self._line, pose, dt)
         state.stamp_ns = now_ns
+
+    @property
+    def _halted(self) -> bool:
+        """Whether the robot is to slow to a stand."""
+        asked = self._safety.mode == Mode.ACTIVE and self._request.motion != Motion.WALK
+        return asked or self._safety.halt != 0
 
     def _take_path(self) -> None:
         """Take up the path signal where its bytes changed."""
@@ -148,7 +175,7 @@ class PathTracker(Task):
             self._line = None
             return
         try:
-            line = _line_of(path)
+            line = line_of(path)
         except PathError:
             state.rejected_paths += 1
             return
@@ -180,12 +207,24 @@ class PathTracker(Task):
             return None
         return Polyline(np.column_stack((state.x[: state.count], state.y[: state.count])), bool(state.closed))
 
-    def _halt(self, pose: tuple[float, float, float] | None) -> None:
-        """Command rest, holding the heading."""
+    def _halt(self) -> None:
+        """Command rest at once, holding the heading."""
         state, command = self._state, self._command
-        state.speed = state.yaw_rate = 0.0
-        if pose is not None and not state.oriented:
+        state.speed = state.lateral = state.yaw_rate = 0.0
+        command.heading = state.heading
+        command.progress = max(state.progress, 0.0)
+        command.arrived = state.arrived
+
+    def _roam(self, pose: tuple[float, float, float], wanted: PlanarVelocity, dt: float) -> None:
+        """Follow a velocity; at rest, hold the heading."""
+        state, command = self._state, self._command
+        present = PlanarVelocity(state.speed, state.lateral, state.yaw_rate)
+        present = approached(present, wanted, self.config.speed, dt)
+        state.speed, state.lateral, state.yaw_rate = present
+        state.turning, state.trim = False, 0.0
+        if any(present) or not state.oriented:
             state.heading, state.oriented = pose[2], True
+        command.velocity[0], command.velocity[1], command.yaw_rate = present
         command.heading = state.heading
         command.progress = max(state.progress, 0.0)
         command.arrived = state.arrived
@@ -214,7 +253,7 @@ class PathTracker(Task):
         command.remaining = max(remaining, 0.0)
         command.arrived = state.arrived
         if state.arrived:
-            state.speed = state.yaw_rate = 0.0
+            state.speed = state.lateral = state.yaw_rate = 0.0
         else:
             stretch = surface_stretch(self._body.plane_normal.tolist(), closest.heading)
             self._drive(pose, target, remaining, along * stretch, travelled * stretch, dt)
@@ -237,7 +276,7 @@ class PathTracker(Task):
         off = bearing(x, y, yaw, target)
         state.turning = needs_turn(bool(state.turning), off, config.turn)
         curvature = pursuit_curvature(x, y, yaw + self._drift(yaw, dt), target)
-        if state.turning:
+        if state.turning or self._halted:
             wanted, cruise = 0.0, False
         else:
             regulated = regulated_speed(state.path_speed, curvature, limits)
@@ -249,11 +288,14 @@ class PathTracker(Task):
         state.speed = ramped(
             state.speed, min(wanted, reachable), limits.acceleration_mps2, limits.deceleration_mps2, dt
         )
-        turn = turn_rate(off, config.turn) if state.turning else max(state.speed, 0.0) * curvature
+        turn = max(state.speed, 0.0) * curvature
+        if state.turning:
+            turn = 0.0 if self._halted else turn_rate(off, config.turn)
         bound = limits.maximum_yaw_rate_radps
         change = limits.yaw_acceleration_radps2
         state.yaw_rate = ramped(state.yaw_rate, min(max(turn, -bound), bound), change, change, dt)
-        command.velocity[0] = state.speed * (1.0 + state.trim)
+        state.lateral = ramped(state.lateral, 0.0, limits.acceleration_mps2, limits.deceleration_mps2, dt)
+        command.velocity[0], command.velocity[1] = state.speed * (1.0 + state.trim), state.lateral
         command.yaw_rate = state.yaw_rate
 
     def _error_rate(self, lateral_error: float, dt: float, fresh: bool) -> float:
@@ -280,27 +322,3 @@ class PathTracker(Task):
         sample = min(max(sample, -config.drift_limit_rad), config.drift_limit_rad)
         state.drift = low_pass(state.drift, sample, dt, config.drift_filter_s)
         return state.drift
-
-
-def _planar_pose(body: BodyState) -> tuple[float, float, float] | None:
-    """Position and yaw, or None where the state is not finite or was never written."""
-    x, y, z = body.position.tolist()
-    i, j, k, w = body.orientation.tolist()
-    rates = (*body.course_velocity.tolist(), *body.angular_velocity.tolist(), *body.plane_normal.tolist())
-    values = (x, y, z, i, j, k, w, *rates)
-    if not all(map(math.isfinite, values)) or i * i + j * j + k * k + w * w < 0.25:
-        return None
-    return x, y, math.atan2(2.0 * (w * k + i * j), w * w + i * i - j * j - k * k)
-
-
-def _line_of(path: Path) -> Polyline:
-    """The path signal as a polyline.
-
-    Raises:
-        PathError: if it cannot be followed.
-    """
-    if path.count > len(path.x):
-        raise PathError(f"{path.topic}: the path claims {path.count} points, at most {len(path.x)} fit")
-    if not (math.isfinite(path.speed) and path.speed > 0.0):
-        raise PathError(f"{path.topic}: speed = {path.speed} m/s must be positive and finite")
-    return Polyline(np.column_stack((path.x[: path.count], path.y[: path.count])), bool(path.closed))

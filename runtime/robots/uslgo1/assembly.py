@@ -22,6 +22,7 @@ from runtime.robots import topics
 from runtime.robots.motor_tasks import DecodeTask, EncodeTask
 from runtime.robots.robot import Robot
 from runtime.robots.uslgo1.config import Uslgo1Config
+from runtime.safety.authority import AuthorityTask
 from runtime.safety.filter_task import SafetyTask
 from runtime.tasks import Loop, Scheduled, Task
 from runtime.tracking.look_ahead import FixedLookAhead
@@ -60,6 +61,9 @@ class _Board:
         self.localization = signals.Pose(topics.LOCALIZATION)
         self.battery = signals.Battery(topics.BATTERY)
         self.truth = signals.Truth(topics.TRUTH, lengths)
+        self.buses = signals.BusStatus(topics.BUS_STATUS, lengths)
+        self.timing = signals.LoopTiming(topics.TIMING)
+        self.event = signals.OperatorEvent(topics.OPERATOR_EVENT)
         self.operator = signals.OperatorRequest(topics.OPERATOR)
         self.path = signals.Path(topics.PATH, lengths)
         self.joints = signals.JointState(topics.JOINT_STATE, lengths)
@@ -68,6 +72,7 @@ class _Board:
         self.posture = signals.Posture(topics.POSTURE, lengths)
         self.gait = signals.Gait(topics.GAIT, lengths)
         self.forces = signals.ContactForces(topics.CONTACT_FORCES, lengths)
+        self.plan = self.forces.like()
         self.joint_command = signals.JointCommand(topics.JOINT_COMMAND, lengths)
         self.joint_command_safe = signals.JointCommand(topics.JOINT_COMMAND_SAFE, lengths)
         self.safety = signals.SafetyStatus(topics.SAFETY)
@@ -91,6 +96,7 @@ def _wbc_loop(config: Uslgo1Config, board: _Board) -> Loop:
     )
     tasks: tuple[Task, ...] = (
         DecodeTask(receiving, board.can_received, board.joints),
+        AuthorityTask(config.authority, board.event, board.operator),
         _estimator(config, board),
         PostureTask(config.quadruped, config.posture, board.joints, board.operator, board.safety, board.posture),
         GaitTask(
@@ -105,18 +111,31 @@ def _wbc_loop(config: Uslgo1Config, board: _Board) -> Loop:
             board.gait,
         ),
         LocomotionTask(
-            config.posture, _control_law(config, board), board.posture, board.gait, board.forces, board.joint_command
+            config.posture,
+            _control_law(config, board),
+            config.quadruped.mass_kg,
+            config.safety.forces_age_max_ns,
+            board.posture,
+            board.gait,
+            board.body,
+            board.forces,
+            board.plan,
+            board.joint_command,
         ),
         SafetyTask(
             config.safety,
+            config.inertial,
             period_ns,
             board.imu,
             board.joints,
             board.body,
             board.battery,
+            board.buses,
+            board.timing,
             board.operator,
             board.posture,
             board.gait,
+            board.command,
             board.forces,
             board.joint_command,
             board.joint_command_safe,
@@ -124,7 +143,16 @@ def _wbc_loop(config: Uslgo1Config, board: _Board) -> Loop:
         ),
         EncodeTask(sending, board.joint_command_safe, board.safety, board.operator, board.can_sent),
     )
-    inputs = (board.can_received, board.imu, board.localization, board.battery, board.operator, board.truth)
+    inputs = (
+        board.can_received,
+        board.buses,
+        board.timing,
+        board.imu,
+        board.localization,
+        board.battery,
+        board.event,
+        board.truth,
+    )
     return Loop(
         name="wbc",
         period_ns=period_ns,
@@ -142,7 +170,7 @@ def _mpc_loop(config: Uslgo1Config, board: _Board) -> Loop:
     tracking = config.tracker
     if config.variant.controller == "pMW":
         tracking = msgspec.structs.replace(tracking, look_ahead=FIXED_LOOK_AHEAD)
-    tracker = PathTracker(board.path, board.body, board.command, tracking)
+    tracker = PathTracker(board.path, board.body, board.operator, board.safety, board.command, tracking)
     mpc = MpcTask(
         config.quadruped,
         config.mpc,
@@ -163,7 +191,7 @@ def _mpc_loop(config: Uslgo1Config, board: _Board) -> Loop:
         budget_ns=loops.mpc_budget_ns,
         priority=loops.mpc_priority,
         port_inputs=(board.path,),
-        receives=(board.body, board.joints, board.gait),
+        receives=(board.body, board.joints, board.gait, board.operator, board.safety),
         schedule=(Scheduled(tracker, loops.mpc_hz // loops.tracker_hz), Scheduled(mpc)),
         port_outputs=(),
     )
@@ -176,17 +204,19 @@ def _estimator(config: Uslgo1Config, board: _Board) -> Task:
     return KalmanTask(
         config.quadruped,
         config.kalman,
+        config.inertial,
         period_ns,
         board.imu,
         board.joints,
         board.localization,
         board.gait,
+        board.operator,
         board.body,
     )
 
 
 def _control_law(config: Uslgo1Config, board: _Board) -> ControlLaw:
-    records = (board.body, board.joints, board.gait, board.forces, board.joint_command)
+    records = (board.body, board.joints, board.gait, board.plan, board.joint_command)
     if config.variant.controller == "FpM":
         return JacobianTransposeLaw(config.quadruped, config.jacobian_transpose, *records)
     return WholeBodyLaw(config.quadruped, config.whole_body, SOLVERS[config.variant.solver](), *records)

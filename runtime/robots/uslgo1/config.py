@@ -21,10 +21,13 @@ from runtime.legged.motion_tasks import WholeBodyConfig
 from runtime.legged.mpc import MpcConfig
 from runtime.legged.posture import PostureConfig
 from runtime.legged.swing import SwingConfig
+from runtime.models.inertial import InertialConfig
 from runtime.models.quadruped import JOINT_NAMES, Quadruped
 from runtime.robots.link_config import LinkConfig
 from runtime.robots.simulation import ScenarioConfig, SimulationConfig
-from runtime.safety.limits import SafetyConfig, joint_bounds
+from runtime.safety.authority import AuthorityConfig
+from runtime.safety.config import SafetyConfig
+from runtime.safety.limits import joint_bounds
 from runtime.tracking.tracker import TrackerConfig
 
 NS_PER_SECOND = 1_000_000_000
@@ -198,7 +201,9 @@ class Uslgo1Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     whole_body: WholeBodyConfig
     jacobian_transpose: JacobianTransposeConfig
     tracker: TrackerConfig
+    inertial: InertialConfig
     kalman: KalmanConfig
+    authority: AuthorityConfig
     safety: SafetyConfig
     simulation: SimulationConfig
     scenario: ScenarioConfig

@@ -67,7 +67,7 @@ class _Scene:
             record.position, record.velocity, record.effort = self._angles, 0.0, 0.0
         elif isinstance(record, Imu):
             record.stamp_ns, record.sequence = now_ns, elapsed_ns
-            record.linear_acceleration, record.angular_velocity = (0.0, 0.0, GRAVITY), 0.0
+            record.linear_acceleration, record.angular_velocity = (0.0, 0.0, GRAVITY), 1e-12 * elapsed_ns
         elif isinstance(record, (Pose, Truth)):
             record.stamp_ns, record.position = now_ns, (0.0, 0.0, self._height_m)
             record.orientation = (0.0, 0.0, 0.0, 1.0)
@@ -79,5 +79,5 @@ class _Scene:
             record.stamp_ns, record.count, record.speed = BEGIN_NS, 2, SPEED_MPS
             record.x[:2] = np.array([0.0, GOAL_M])
         elif isinstance(record, OperatorRequest):
-            record.stamp_ns, record.arm = now_ns, elapsed_ns > 0
+            record.stamp_ns, record.held, record.arm = now_ns, True, elapsed_ns > 0
             record.motion = Motion.WALK if elapsed_ns >= WALK_AFTER_NS else Motion.STAND
