@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+import socket
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -49,7 +50,12 @@ def run_live(
     course = chosen_scenario(scenario, load_configuration(robot, chosen), seed)
     with runtime_directory() as directory:
         channels = [str(directory / f"can{bus}") for bus in range(load_configuration(robot, chosen).drives.buses)]
-        config = load_configuration(robot, {**chosen, "drives.interface": HUB, "drives.channels": json.dumps(channels)})
+        wiring = {
+            "drives.interface": HUB,
+            "drives.channels": json.dumps(channels),
+            "link.listen": json.dumps([f"tcp/127.0.0.1:{_free_port()}"]),
+        }
+        config = load_configuration(robot, {**chosen, **wiring})
         (directory / "config.toml").write_text(dump(config))
         (directory / "terrain.npz").write_bytes(packed(course.terrain(seed)))
         task = Task(
@@ -80,7 +86,9 @@ def _run(robot: str, directory: Path, out: Path, task: Task, progress: Progress 
     ugv = [sys.executable, "-m", "runtime.cli.main", "run", robot, "--config", task.config]
     ugv += ["--runtime-dir", str(directory), "--log-dir", str(out.resolve()), "--process"]
     with Processes() as processes:
-        processes.start("recorder", [*ugv, "recorder"])
+        for name in ("recorder", "link"):
+            processes.start(name, [*ugv, name])
+            processes.wait_ready(name)
         simulator = processes.start("sim", [sys.executable, "-m", "sim_bridge.process"], piped=True)
         assert simulator.stdin is not None
         assert simulator.stdout is not None
@@ -100,9 +108,16 @@ def _run(robot: str, directory: Path, out: Path, task: Task, progress: Progress 
         else:
             code = processes.stop("sim")
             raise ProcessError(f"the simulator {how_it_ended(code)} before the run was over")
-        processes.stop("control")
-        processes.stop("recorder")
+        for name in ("control", "sim", "link", "recorder"):
+            processes.stop(name)
     return outcome
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
 
 
 def _answers(stream: IO[bytes]) -> Iterator[dict[str, Any]]:

@@ -8,9 +8,11 @@ the buses are there, `progress` now and then, and `outcome` at the end of the ru
 from __future__ import annotations
 
 import json
+import math
 import signal
 import sys
 import time
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,6 +33,7 @@ from sim_bridge.courses import Scenario
 from sim_bridge.live_world import LiveWorld
 from sim_bridge.observer import Observer
 from sim_bridge.outlets import sources_of
+from sim_bridge.ros_outlet import RosOutlet
 from sim_bridge.run import chosen_scenario, outcome_of, rehearse, world_of
 from sim_bridge.tick_mirror import TickMirror
 
@@ -59,6 +62,10 @@ def _answer(**entries: object) -> None:
     sys.stdout.flush()
 
 
+def _report(done_s: float, expected_s: float) -> None:
+    _answer(progress=(done_s, expected_s))
+
+
 def simulate(task: Task) -> dict[str, Any]:
     """Run a scenario and say what came of it."""
     config = load_configuration(task.config)
@@ -69,35 +76,33 @@ def simulate(task: Task) -> dict[str, Any]:
 
 def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -> dict[str, Any]:
     loops = assemble(config).loops
-    terrain = course.terrain(task.seed)
-    wires = open_device_end(config.drives.interface, config.drives.channels)
-    listener = TickListener(directory / OBSERVER)
-    stop = []
+    stop: list[bool] = []
     signal.signal(signal.SIGTERM, lambda *_: stop.append(True))
-    try:
-        world = world_of(config, course, terrain, wires, task.seed)
+    refused = [sentence for sentence in (run_first(SIM.priority), lock_memory()) if sentence]
+    with ExitStack() as stack:
+        wires = stack.enter_context(closing(open_device_end(config.drives.interface, config.drives.channels)))
+        listener = stack.enter_context(closing(TickListener(directory / OBSERVER)))
+        ros = stack.enter_context(RosOutlet(config.link))
+        stack.callback(remove_if_orphaned, directory)
+        world = world_of(config, course, course.terrain(task.seed), wires, task.seed)
         mirror = TickMirror(loops, WATCHED, listener)
-        until_s = float("inf") if task.until_s is None else task.until_s
-        observer = Observer(
-            world, mirror.records, config, course, until_s, lambda t, total: _answer(progress=(t, total))
-        )
-        ticks = partial(CompanionTicks, loops, SIM, TickStream(directory / SOCKET))
+        until_s = math.inf if task.until_s is None else task.until_s
+        observer = Observer(world, mirror.records, config, course, until_s, _report)
         live = LiveWorld(
-            world, wires, config.simulation.time_step_ns, sources_of(world, course, config, directory), ticks
+            world,
+            wires,
+            config.simulation.time_step_ns,
+            sources_of(world, course, config, ros, directory),
+            partial(CompanionTicks, loops, SIM, TickStream(directory / SOCKET)),
         )
 
         def over(now_ns: int) -> bool:
             mirror.update()
             return bool(stop) or observer.over(now_ns)
 
-        refused = [sentence for sentence in (run_first(SIM.priority), lock_memory()) if sentence]
         _answer(ready=True, refused=refused)
         reached_ns = live.run(over)
         wall_s = (time.monotonic_ns() - live.start_ns) * 1e-9
-    finally:
-        listener.close()
-        wires.close()
-        remove_if_orphaned(directory)
     return {
         **outcome_of(observer, course),
         "fell": observer.fell,

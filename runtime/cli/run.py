@@ -87,7 +87,17 @@ def _control(config: Uslgo1Config, options: argparse.Namespace) -> int:
 
 
 def _link(config: Uslgo1Config, options: argparse.Namespace) -> int:
-    raise UsageError("ugv run: the link comes with a later version")
+    import signal
+    import threading
+
+    from runtime.link.process import run as carry
+    from runtime.link.setup import link_setup
+
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    carry(link_setup(config), options.runtime_dir, stop, lambda sentence: print(f"ugv {sentence}", file=sys.stderr))
+    return 0
 
 
 def _recorder(config: Uslgo1Config, options: argparse.Namespace) -> int:

@@ -22,7 +22,7 @@ from runtime.executors.tick_stream import TickStream, TickStreams
 from runtime.robots import topics
 from runtime.robots.robot import Robot
 
-EVENTS = (topics.OPERATOR_EVENT, topics.PATH)
+EVENTS = (topics.OPERATOR_EVENT,)
 """Topics of which every value counts, not only the newest."""
 OBSERVER = "observer.sock"
 STREAMS = ("recorder.sock", "link.sock", OBSERVER)

@@ -6,14 +6,19 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import socket
 import subprocess
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Sequence
 from contextlib import suppress
 from types import TracebackType
 
 from runtime.errors import UgvError
 
-STOP_WITHIN_S = 10.0
+STOP_WITHIN_S, READY_WITHIN_S = 10.0, 300.0
+"""The first start on a machine translates the control loops."""
+_LOOK_S = 0.2
+_LONGEST_STATE = 256
 _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
@@ -36,17 +41,17 @@ class Processes:
 
     def __init__(self) -> None:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._listeners: dict[str, socket.socket] = {}
 
-    def start(
-        self, name: str, command: Sequence[str], environment: Mapping[str, str] | None = None, piped: bool = False
-    ) -> subprocess.Popen[bytes]:
+    def start(self, name: str, command: Sequence[str], piped: bool = False) -> subprocess.Popen[bytes]:
         """Start a process; `piped` gives its standard input and output to the caller."""
         pipe = subprocess.PIPE if piped else None
+        self._listeners[name], address = _manager_socket()
         process = subprocess.Popen(
             command,
             stdin=pipe if piped else subprocess.DEVNULL,
             stdout=pipe,
-            env={**os.environ, **(environment or {})},
+            env={**os.environ, "NOTIFY_SOCKET": address},
             start_new_session=True,
             preexec_fn=_die_with_parent,
         )
@@ -56,6 +61,21 @@ class Processes:
     def pid(self, name: str) -> int:
         """Process id of one of them."""
         return self._running[name].pid
+
+    def wait_ready(self, name: str, within_s: float = READY_WITHIN_S) -> None:
+        """Wait until a process says that it is ready, as it would say it to systemd.
+
+        Raises:
+            ProcessError: if it ends first, or takes too long.
+        """
+        listener, deadline = self._listeners[name], time.monotonic() + within_s
+        listener.settimeout(_LOOK_S)
+        while time.monotonic() < deadline:
+            with suppress(TimeoutError):
+                if listener.recv(_LONGEST_STATE) == b"READY=1":
+                    return
+            self.check()
+        raise ProcessError(f"the process {name} is not ready after {within_s:g} s")
 
     @property
     def ended(self) -> dict[str, int]:
@@ -81,6 +101,7 @@ class Processes:
                 process.wait(within_s)
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
+        self._listeners.pop(name).close()
         for stream in (process.stdin, process.stdout):
             if stream is not None:
                 stream.close()
@@ -94,6 +115,14 @@ class Processes:
     ) -> None:
         for name in reversed(tuple(self._running)):
             self.stop(name)
+
+
+def _manager_socket() -> tuple[socket.socket, str]:
+    """A socket that hears what a process would tell systemd, and its address."""
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    listener.bind("")  # the kernel chooses an abstract address
+    address: bytes = listener.getsockname()
+    return listener, "@" + address[1:].decode()
 
 
 def how_it_ended(code: int) -> str:

@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from runtime.executors.linux import Alarm, run_first, stay_on
+from runtime.executors.liveness import ALIVE_EVERY_NS
+from runtime.executors.notify import Notifier
 from runtime.executors.tick import ENTRY, manifest_of, tick_record
 from runtime.executors.tick_stream import TickListener, TickStream
 from runtime.executors.timing import next_tick
@@ -55,6 +57,7 @@ def run(setup: LinkSetup, directory: Path, stop: threading.Event, say: Callable[
     link = setup.config
     listener = TickListener(directory / TICKS_FILE)
     try:
+        notifier = Notifier()
         inputs = Inputs(link, _records(setup.loops), directory, _taken_hz(setup.loops))
         try:
             config = session_config(link.listen, link.connect, Path(link.zenoh_config) if link.zenoh_config else None)
@@ -65,7 +68,8 @@ def run(setup: LinkSetup, directory: Path, stop: threading.Event, say: Callable[
             ):
                 inputs.subscribe(session)
                 say(f"link: carrying messages of ROS domain {link.domain_id}")
-                _Carrier(setup, directory, session, listener, inputs, refused).run(stop)
+                notifier.send("READY=1")
+                _Carrier(setup, directory, session, listener, inputs, refused, notifier).run(stop)
         finally:
             inputs.close()
     finally:
@@ -83,9 +87,11 @@ class _Carrier:
         listener: TickListener,
         inputs: Inputs,
         refused: Sequence[str],
+        notifier: Notifier,
     ) -> None:
         self._loop = link_loop(setup.config, setup.priority)
         self._session, self._listener, self._inputs, self._refused = session, listener, inputs, refused
+        self._notifier, self._alive_ns = notifier, 0
         self._monitor = ControlMonitor(manifest_of(setup.loops))
         self._clocks = ClockWatch()
         self._tick = tick_record(self._loop)
@@ -133,6 +139,9 @@ class _Carrier:
             self._monitor.take(datagram, now_ns)
         self._clocks.look()
         self._outputs.publish(instant(), self._figures)
+        if now_ns >= self._alive_ns:
+            self._alive_ns = now_ns + ALIVE_EVERY_NS
+            self._notifier.send("WATCHDOG=1")
 
     def _figures(self) -> dict[str, object]:
         """What /diagnostics says of the link itself."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from runtime.messages.cdr import CdrTemplate
 from runtime.messages.cdr_reader import CdrReader
+from runtime.signals import Pose
 
 _COVARIANCE = 36
 
@@ -24,6 +26,22 @@ class StampedPose(NamedTuple):
     frame: str
     position: tuple[float, ...]
     orientation: tuple[float, ...]
+
+
+class PoseStampedMessage:
+    """Encodes geometry_msgs/PoseStamped."""
+
+    def __init__(self, frame: str = "odom") -> None:
+        self._template = template = CdrTemplate()
+        self._stamp = template.header(frame)
+        slot = template.float64(7)
+        self._values = template.view(slot, 7)
+
+    def encode(self, pose: Pose) -> bytes:
+        """The message of one pose."""
+        self._template.set_stamp(self._stamp, pose.stamp_ns)
+        self._values[:3], self._values[3:] = pose.position, pose.orientation
+        return self._template.to_bytes()
 
 
 def _pose(reader: CdrReader, after: int) -> StampedPose:

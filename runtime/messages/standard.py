@@ -38,6 +38,28 @@ def decode_float64(payload: bytes) -> float:
     return value
 
 
+def encode_bool(value: bool) -> bytes:
+    """A std_msgs/Bool."""
+    template = CdrTemplate()
+    template.uint8(value)
+    return template.to_bytes()
+
+
+def encode_empty() -> bytes:
+    """A std_msgs/Empty, which has one byte on the wire."""
+    template = CdrTemplate()
+    template.uint8(0)
+    return template.to_bytes()
+
+
+def encode_float64(value: float) -> bytes:
+    """A std_msgs/Float64."""
+    template = CdrTemplate()
+    slot = template.float64(1)
+    template.view(slot, 1)[0] = value
+    return template.to_bytes()
+
+
 def encode_string(text: str) -> bytes:
     """A std_msgs/String."""
     template = CdrTemplate()

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated robot's sensor stack and operator as they speak on a real one: ROS messages over zenoh.
+
+Messages are laid out where the world is stepped, and sent by a thread of their own: sending may take milliseconds.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from queue import SimpleQueue
+from types import TracebackType
+from typing import Any
+
+from runtime.link import inputs
+from runtime.messages import definitions, standard
+from runtime.messages.battery import BatteryMessage
+from runtime.messages.imu import ImuMessage
+from runtime.messages.keys import DEFAULT_QUALITY, SENSOR_QUALITY
+from runtime.messages.path import PathMessage
+from runtime.messages.pose import PoseStampedMessage
+from runtime.messages.session import Publisher, RosSession, session_config
+from runtime.records import Record
+from runtime.robots.link_config import LinkConfig
+from runtime.signals import Battery, Imu, Motion, OperatorEvent, Path, Pose, Request
+
+Message = tuple[str, bytes]
+"""Topic and payload."""
+
+
+class RosOutlet:
+    """A node that publishes what sensors and the operator say.
+
+    Args:
+        config: of the link that listens.
+
+    Raises:
+        SessionError: if the link is not there.
+    """
+
+    def __init__(self, config: LinkConfig) -> None:
+        self._session = RosSession("ugv_sim", config.domain_id, session_config((), config.listen), config.type_hashes)
+        self._publishers = {topic: self._publisher(topic, name) for topic, name in _TYPES.items()}
+        imu, pose, battery = ImuMessage(config.imu_frame), PoseStampedMessage(config.odom_frame), BatteryMessage()
+        self._path = PathMessage(config.odom_frame)
+        self._encoders: dict[type[Record], Callable[[Any], Sequence[Message]]] = {
+            Imu: lambda record: ((inputs.IMU, imu.encode(record)),),
+            Pose: lambda record: ((inputs.LOCALIZATION, pose.encode(record)),),
+            Battery: lambda record: ((inputs.BATTERY, battery.encode(record)),),
+            Path: self._path_messages,
+            OperatorEvent: lambda record: (operator_message(record),),
+        }
+        self._unix_offset_ns = time.time_ns() - time.monotonic_ns()
+        self._waiting: SimpleQueue[Message | None] = SimpleQueue()
+        self._sender = threading.Thread(target=self._send, name="ros")
+        self._sender.start()
+
+    def _publisher(self, topic: str, type_name: str) -> Publisher:
+        return self._session.publisher(topic, type_name, SENSOR_QUALITY if topic == inputs.IMU else DEFAULT_QUALITY)
+
+    def publish(self, record: Record, start_ns: int) -> None:
+        """Send a record, stamped in unix time."""
+        record.stamp_ns += start_ns + self._unix_offset_ns  # type: ignore[attr-defined]
+        for message in self._encoders[type(record)](record):
+            self._waiting.put(message)
+
+    def _path_messages(self, path: Path) -> Sequence[Message]:
+        """The speed, then the path, whose first point closes it again."""
+        sent = path.like()
+        sent.copy_from(path)
+        if path.closed and path.count < len(path.x):
+            sent.x[path.count], sent.y[path.count] = path.x[0], path.y[0]
+            sent.count, sent.closed = path.count + 1, False
+        return (
+            (inputs.PATH_SPEED, standard.encode_float64(path.speed)),
+            (inputs.PATH, self._path.encode(sent)),
+        )
+
+    def _send(self) -> None:
+        while (message := self._waiting.get()) is not None:
+            topic, payload = message
+            self._publishers[topic].put(payload)
+
+    def close(self) -> None:
+        """Send what waits, and leave."""
+        self._waiting.put(None)
+        self._sender.join()
+        self._session.close()
+
+    def __enter__(self) -> RosOutlet:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def operator_message(event: OperatorEvent) -> Message:
+    """An operator's event as the message that asks for it."""
+    request = Request(event.request)
+    if request in (Request.ARM, Request.DISARM):
+        return inputs.ARM, standard.encode_bool(request == Request.ARM)
+    if request == Request.MOTION:
+        return inputs.MOTION, standard.encode_string(Motion(event.motion).name.lower())
+    if request == Request.EMERGENCY_STOP:
+        return inputs.E_STOP, standard.encode_bool(True)
+    plain = {Request.LIFE: inputs.HEARTBEAT, Request.RESET: inputs.RESET, Request.RELEASE: inputs.RELEASE}
+    return plain[request], standard.encode_empty()
+
+
+_TYPES = {
+    inputs.IMU: definitions.IMU,
+    inputs.LOCALIZATION: definitions.POSE_STAMPED,
+    inputs.BATTERY: definitions.BATTERY_STATE,
+    inputs.PATH: definitions.PATH,
+    inputs.PATH_SPEED: definitions.FLOAT64,
+    inputs.ARM: definitions.BOOL,
+    inputs.E_STOP: definitions.BOOL,
+    inputs.MOTION: definitions.STRING,
+    inputs.HEARTBEAT: definitions.EMPTY,
+    inputs.RESET: definitions.EMPTY,
+    inputs.RELEASE: definitions.EMPTY,
+}
