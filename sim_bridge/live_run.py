@@ -8,7 +8,7 @@ import math
 import shutil
 import socket
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -17,9 +17,11 @@ import numpy as np
 
 from runtime.configuration import dump
 from runtime.executors.processes import ProcessError, Processes, how_it_ended
+from runtime.executors.resources import Resources
 from runtime.executors.runtime_directory import runtime_directory
 from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.recording.log import Log
+from runtime.recording.stalls import fault_events
 from runtime.robots import load_configuration
 from runtime.robots.uslgo1.config import Uslgo1Config
 from sim_bridge.observer import Progress
@@ -27,6 +29,9 @@ from sim_bridge.process import Task
 from sim_bridge.run import chosen_scenario, packed
 
 HUB = "ugv-unix"
+SETTLED_S = 120.0
+STALL_NS = 5_000_000
+"""Shorter stalls are within the bounds of every input."""
 
 
 def run_live(
@@ -39,9 +44,14 @@ def run_live(
     overrides: Mapping[str, str] | None = None,
     out: Path,
     until_s: float = math.inf,
+    duration_s: float | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Run a scenario in real time; arguments and result as those of `run_scenario`.
+
+    Args:
+        robot, scenario, seed, estimator, controller, overrides, out, until_s, progress: see there.
+        duration_s: walk lap after lap for so long, and after each fault reset the robot and go on.
 
     Raises:
         UgvError: for an unknown robot, scenario or key, or a process that ended before the run.
@@ -64,8 +74,9 @@ def run_live(
             seed,
             str(directory),
             until_s if math.isfinite(until_s) else None,
+            duration_s,
         )
-        outcome = _run(robot, directory, out, task, progress)
+        outcome = _run(robot, directory, out, task, progress or _unseen)
     _take_log(out)
     summary = {
         "robot": robot,
@@ -75,6 +86,7 @@ def run_live(
         "estimator": estimator,
         **outcome,
         **_timings(out, config),
+        "faults": _faults(out),
         "realtime": True,
         "log": f"{out.resolve().name}_0.mcap",
     }
@@ -82,7 +94,7 @@ def run_live(
     return summary
 
 
-def _run(robot: str, directory: Path, out: Path, task: Task, progress: Progress | None) -> dict[str, Any]:
+def _run(robot: str, directory: Path, out: Path, task: Task, progress: Progress) -> dict[str, Any]:
     ugv = [sys.executable, "-m", "runtime.cli.main", "run", robot, "--config", task.config]
     ugv += ["--runtime-dir", str(directory), "--log-dir", str(out.resolve()), "--process"]
     with Processes() as processes:
@@ -98,19 +110,35 @@ def _run(robot: str, directory: Path, out: Path, task: Task, progress: Progress 
         for sentence in _first(answers, "ready").get("refused", []):
             print(f"ugv sil: the simulator has {sentence}", file=sys.stderr)
         processes.start("control", [*ugv, "control"])
+        held: list[tuple[float, dict[str, Resources]]] = []
         for answer in answers:
             if "outcome" in answer:
                 outcome: dict[str, Any] = answer["outcome"]
                 break
-            if progress is not None and "progress" in answer:
+            if "progress" in answer:
                 progress(*answer["progress"])
+                held.append((answer["progress"][0], processes.resources()))
             processes.check()
         else:
             code = processes.stop("sim")
             raise ProcessError(f"the simulator {how_it_ended(code)} before the run was over")
         for name in ("control", "sim", "link", "recorder"):
             processes.stop(name)
-    return outcome
+    return {**outcome, "resources": _growth(held)}
+
+
+def _unseen(done_s: float, expected_s: float) -> None:
+    """Progress that nobody looks at."""
+
+
+def _growth(held: Sequence[tuple[float, Mapping[str, Resources]]]) -> dict[str, Any]:
+    """What each process held after two minutes (or a fifth of a shorter run) and at the end."""
+    if not held:
+        return {}
+    settled_s = min(SETTLED_S, 0.2 * held[-1][0])
+    early = next(row for at_s, row in held if at_s >= settled_s)
+    late = held[-1][1]
+    return {name: {"early": early[name]._asdict(), "late": late[name]._asdict()} for name in early.keys() & late.keys()}
 
 
 def _free_port() -> int:
@@ -143,6 +171,15 @@ def _take_log(out: Path) -> None:
     bags[0].rmdir()
     metadata = out / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace(bags[0].name, out.resolve().name))
+
+
+def _faults(out: Path) -> list[dict[str, Any]]:
+    """Every loss of power by a fault, with the stall of the machine that stands before it in the ticks."""
+    found = []
+    for event in fault_events(Log(out), STALL_NS):
+        stall = event.stall and {"loop": event.stall.loop, "ms": event.stall.length_ns * 1e-6}
+        found.append({"at_ns": event.at_ns, "fault": str(event.fault.name), "stall": stall})
+    return found
 
 
 def _timings(out: Path, config: Uslgo1Config) -> dict[str, Any]:

@@ -11,11 +11,9 @@ from runtime.records import Record
 from runtime.robots import topics
 from runtime.robots.uslgo1.assembly import assemble
 from runtime.robots.uslgo1.config import Uslgo1Config
-from sim_bridge.courses import Scenario
 from sim_bridge.live_world import Source
 from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.ros_outlet import RosOutlet
-from sim_bridge.script import ScriptedOperator, ScriptedPath
 
 
 class SharedOutlet:
@@ -31,16 +29,21 @@ class SharedOutlet:
 
 
 def sources_of(
-    world: QuadrupedWorld, course: Scenario, config: Uslgo1Config, ros: RosOutlet, directory: Path
+    world: QuadrupedWorld,
+    operator: InputPort,
+    path: InputPort,
+    config: Uslgo1Config,
+    ros: RosOutlet,
+    directory: Path,
 ) -> list[Source]:
-    """Every sensor, and the operator."""
+    """Every sensor, and what the operator asks for."""
     records = {record.topic: record.like() for loop in assemble(config).loops for record in loop.port_inputs}
     spoken: dict[str, InputPort] = {
         topics.IMU: world.imu,
         topics.LOCALIZATION: world.localization,
         topics.BATTERY: world.battery,
-        topics.OPERATOR_EVENT: ScriptedOperator(course, config.posture.rise_s),
-        topics.PATH: ScriptedPath(course),
+        topics.OPERATOR_EVENT: operator,
+        topics.PATH: path,
     }
     truth = records[topics.TRUTH]
     return [

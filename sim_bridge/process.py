@@ -12,10 +12,11 @@ import math
 import signal
 import sys
 import time
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -23,21 +24,24 @@ from drivers.device_end import open_device_end
 from runtime.executors.companions import SIM, CompanionTicks
 from runtime.executors.control import OBSERVER
 from runtime.executors.linux import lock_memory, run_first
+from runtime.executors.loop_run import InputPort
 from runtime.executors.runtime_directory import remove_if_orphaned
 from runtime.executors.tick_stream import TickListener, TickStream
 from runtime.recording.service import SOCKET
-from runtime.robots import load_configuration, topics
+from runtime.records import Record
+from runtime.robots import load_configuration
 from runtime.robots.uslgo1.assembly import assemble
 from runtime.robots.uslgo1.config import Uslgo1Config
 from sim_bridge.courses import Scenario
+from sim_bridge.endurance import WATCHED, EnduranceObserver, EnduringOperator, EnduringPath
 from sim_bridge.live_world import LiveWorld
 from sim_bridge.observer import Observer
 from sim_bridge.outlets import sources_of
+from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.ros_outlet import RosOutlet
 from sim_bridge.run import chosen_scenario, outcome_of, rehearse, world_of
+from sim_bridge.script import ScriptedOperator, ScriptedPath
 from sim_bridge.tick_mirror import TickMirror
-
-WATCHED = (topics.SAFETY, topics.GAIT, topics.BODY_COMMAND)
 
 
 class Task(msgspec.Struct):
@@ -48,6 +52,7 @@ class Task(msgspec.Struct):
         scenario, seed: of the run.
         directory: runtime directory, shared with the other processes.
         until_s: ends the run by then, world time.
+        duration_s: walk lap after lap for so long instead of once.
     """
 
     config: str
@@ -55,11 +60,34 @@ class Task(msgspec.Struct):
     seed: int
     directory: str
     until_s: float | None = None
+    duration_s: float | None = None
 
 
 def _answer(**entries: object) -> None:
     sys.stdout.write(json.dumps(entries) + "\n")
     sys.stdout.flush()
+
+
+class Part(NamedTuple):
+    """What the operator does in a run, and who watches it."""
+
+    operator: InputPort
+    path: InputPort
+    over: Callable[[int], bool]
+    outcome: Callable[[], dict[str, Any]]
+
+
+def _part(
+    task: Task, config: Uslgo1Config, course: Scenario, world: QuadrupedWorld, records: Mapping[str, Record]
+) -> Part:
+    if task.duration_s is not None:
+        operator = EnduringOperator(course, records)
+        watcher = EnduranceObserver(world, operator, records, task.duration_s, _report)
+        return Part(operator, EnduringPath(operator), watcher.over, watcher.outcome)
+    until_s = math.inf if task.until_s is None else task.until_s
+    observer = Observer(world, records, config, course, until_s, _report)
+    script = ScriptedOperator(course, config.posture.rise_s)
+    return Part(script, ScriptedPath(course), observer.over, lambda: outcome_of(observer, course))
 
 
 def _report(done_s: float, expected_s: float) -> None:
@@ -86,27 +114,24 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
         stack.callback(remove_if_orphaned, directory)
         world = world_of(config, course, course.terrain(task.seed), wires, task.seed)
         mirror = TickMirror(loops, WATCHED, listener)
-        until_s = math.inf if task.until_s is None else task.until_s
-        observer = Observer(world, mirror.records, config, course, until_s, _report)
+        part = _part(task, config, course, world, mirror.records)
         live = LiveWorld(
             world,
             wires,
             config.simulation.time_step_ns,
-            sources_of(world, course, config, ros, directory),
+            sources_of(world, part.operator, part.path, config, ros, directory),
             partial(CompanionTicks, loops, SIM, TickStream(directory / SOCKET)),
         )
 
         def over(now_ns: int) -> bool:
             mirror.update()
-            return bool(stop) or observer.over(now_ns)
+            return bool(stop) or part.over(now_ns)
 
         _answer(ready=True, refused=refused)
         reached_ns = live.run(over)
         wall_s = (time.monotonic_ns() - live.start_ns) * 1e-9
     return {
-        **outcome_of(observer, course),
-        "fell": observer.fell,
-        "fault": "" if not observer.fault else str(observer.fault.name),
+        **part.outcome(),
         "sim_time_s": reached_ns * 1e-9,
         "wall_time_s": wall_s,
         "realtime_factor": reached_ns * 1e-9 / wall_s,

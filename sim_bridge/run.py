@@ -203,8 +203,6 @@ def run_scenario(
         "controller": controller,
         "estimator": estimator,
         **outcome_of(observer, course),
-        "fell": observer.fell,
-        "fault": "" if not observer.fault else str(observer.fault.name),
         "sim_time_s": reached_ns * 1e-9,
         "wall_time_s": wall_s,
         "realtime_factor": reached_ns * 1e-9 / wall_s,
@@ -218,6 +216,11 @@ def run_scenario(
 
 def outcome_of(observer: Observer, course: Scenario) -> dict[str, Any]:
     """The part of the summary that says how the course was gone through."""
+    fault = "" if not observer.fault else str(observer.fault.name)
+    return {**_figures(observer, course), "fell": observer.fell, "fault": fault}
+
+
+def _figures(observer: Observer, course: Scenario) -> dict[str, Any]:
     if not course.waypoints:
         return {"completed": observer.stood_and_sat and not observer.fault}
     path = Polyline(course.waypoints, course.closed)

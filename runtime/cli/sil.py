@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from runtime.cli.options import add_overrides, seed
+from runtime.cli.options import add_overrides, seconds, seed
 from runtime.errors import RobotFault, UsageError
 
 ESTIMATORS = ("kalman", "truth")
@@ -32,6 +33,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--controller", default="FpMW", metavar="NAME", help="FpMW (default), FpM or pMW")
     add_overrides(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="new or empty directory (default: a new one in runs/)")
+    parser.add_argument(
+        "--duration",
+        type=seconds,
+        metavar="S",
+        help="with --realtime: lap after lap for so long; after a fault the robot is reset and goes on",
+    )
     parser.add_argument("--view", action="store_true", help="show the robot in a browser (not available yet)")
 
 
@@ -48,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     name = f"{options.robot}-{Path(options.scenario).stem}-{options.seed}"
     with run_directory(options.out, name) as directory:
         with progress_bar(f"{options.robot} {options.scenario}") as progress:
-            summary = (simulate_live if options.realtime else simulate)(
+            summary = _chosen(options)(
                 options.robot,
                 options.scenario,
                 seed=options.seed,
@@ -65,6 +72,14 @@ def run(options: argparse.Namespace) -> int:
     print(f"log:    {directory / str(summary.get('log', ''))}")
     print(f"report: {report}")
     return exit_code(summary)
+
+
+def _chosen(options: argparse.Namespace) -> Callable[..., dict[str, Any]]:
+    if options.realtime:
+        return partial(simulate_live, duration_s=options.duration)
+    if options.duration is not None:
+        raise UsageError("ugv sil: --duration is for runs against the wall clock; add --realtime")
+    return simulate
 
 
 def simulate(robot: str, scenario: str, **options: Any) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from contextlib import suppress
 from types import TracebackType
 
 from runtime.errors import UgvError
+from runtime.executors.resources import Resources, resources_of
 
 STOP_WITHIN_S, READY_WITHIN_S = 10.0, 300.0
 """The first start on a machine translates the control loops."""
@@ -82,6 +83,11 @@ class Processes:
         """Names and return codes of those that have ended by themselves."""
         codes = {name: process.poll() for name, process in self._running.items()}
         return {name: code for name, code in codes.items() if code is not None}
+
+    def resources(self) -> dict[str, Resources]:
+        """What each of those that run holds of the system."""
+        held = {name: resources_of(process.pid) for name, process in self._running.items()}
+        return {name: one for name, one in held.items() if one is not None}
 
     def check(self) -> None:
         """Look after them.

@@ -47,6 +47,9 @@ class PathUse:
         points = path.points
         for point in points:
             check_finite(*point)
+        if not points:
+            self._withdraw(path, now)
+            return
         closed = len(points) > _FEWEST and math.dist(points[0], points[-1]) < _CLOSED_WITHIN_M
         if closed:
             points = points[:-1]
@@ -60,3 +63,9 @@ class PathUse:
         for row, values in ((record.x, [x for x, _ in points]), (record.y, [y for _, y in points])):
             row[:count], row[count:] = values, 0.0
         self._write(record)
+
+    def _withdraw(self, path: Waypoints, now: Instant) -> None:
+        """A path without poses takes back the one before."""
+        self._record.clear()
+        self._record.stamp_ns = self._window.monotonic_ns(path.stamp_ns, now)
+        self._write(self._record)

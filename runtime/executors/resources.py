@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a process holds of the system: memory, open files, mapped files."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+
+
+class Resources(NamedTuple):
+    """Held by one process at one time.
+
+    Attributes:
+        resident_bytes: of memory.
+        open_files: descriptors.
+        mapped_files: mappings that have a file.
+    """
+
+    resident_bytes: int
+    open_files: int
+    mapped_files: int
+
+
+def resources_of(pid: int) -> Resources | None:
+    """What a process holds now; None if it is gone or another user's."""
+    process = Path("/proc") / str(pid)
+    try:
+        resident = int((process / "statm").read_text().split()[1]) * _PAGE
+        mapped = sum(" /" in line for line in (process / "maps").read_text().splitlines())
+        return Resources(resident, len(os.listdir(process / "fd")), mapped)
+    except OSError:
+        return None

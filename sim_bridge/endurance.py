@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Walking for long: lap after lap, and after each fall into DAMPED a reset, a new arm, and on again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum, auto
+from typing import Any
+
+from runtime.records import Record
+from runtime.robots import topics
+from runtime.signals import (
+    BodyCommand,
+    Fault,
+    Gait,
+    Mode,
+    Motion,
+    OperatorEvent,
+    OperatorRequest,
+    Path,
+    Request,
+    SafetyStatus,
+)
+from sim_bridge.courses import Scenario
+from sim_bridge.observer import FALLEN_CLEARANCE_M, FALLEN_TILT_RAD, SAMPLE_NS, Progress
+from sim_bridge.quadruped_world import QuadrupedWorld
+from sim_bridge.script import PERIOD_NS, PRIORITY, SOURCE
+
+WATCHED = (topics.SAFETY, topics.GAIT, topics.BODY_COMMAND, topics.OPERATOR)
+RESTED_NS = 1_000_000_000
+"""A damped robot lies still by then."""
+_POWERED = (Mode.STANDING, Mode.ACTIVE)
+
+
+class Aim(Enum):
+    """What the operator is about to bring the robot to."""
+
+    STAND = auto()
+    WALK = auto()
+    WALKING = auto()
+    WITHDRAW = auto()
+    RESET = auto()
+
+
+class EnduringOperator:
+    """Input ports of the operator's events and of the path, by what the robot shows.
+
+    Args:
+        scenario: whose path is walked, lap after lap.
+        records: of the robot, by topic, kept up to date.
+
+    Attributes:
+        laps: completed.
+        falls: into DAMPED: world time, s, and the names of the faults.
+    """
+
+    def __init__(self, scenario: Scenario, records: Mapping[str, Record]) -> None:
+        self._scenario = scenario
+        self._safety: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
+        self._gait: Gait = records[topics.GAIT]  # type: ignore[assignment]
+        self._command: BodyCommand = records[topics.BODY_COMMAND]  # type: ignore[assignment]
+        self._operator: OperatorRequest = records[topics.OPERATOR]  # type: ignore[assignment]
+        self.laps = 0
+        self.falls: list[tuple[float, str]] = []
+        self._aim = Aim.STAND
+        self._rested_ns = self._next_ns = self._next_path_ns = 0
+        self._sequence = 0
+
+    def look(self, now_ns: int) -> None:
+        """See how far the robot has come."""
+        mode, command = self._safety.mode, self._command
+        if mode == Mode.DAMPED and self._aim is not Aim.RESET:
+            self.falls.append((now_ns * 1e-9, str(Fault(self._safety.fault).name)))
+            self._aim, self._rested_ns = Aim.RESET, now_ns + RESTED_NS
+        elif self._aim is Aim.RESET and mode == Mode.STANDBY:
+            self._aim = Aim.STAND
+        elif self._aim is Aim.STAND and mode == Mode.STANDING and self._gait.balancing:
+            self._aim = Aim.WITHDRAW
+        elif self._aim is Aim.WITHDRAW and not command.arrived and command.remaining == 0.0:
+            self._aim = Aim.WALK
+        elif self._aim is Aim.WALK and command.remaining > 0.0:
+            self._aim = Aim.WALKING
+        elif self._aim is Aim.WALKING and command.arrived:
+            self.laps += 1
+            self._aim = Aim.WITHDRAW
+
+    def request(self, now_ns: int) -> tuple[Request, Motion]:
+        """What to ask for at a time."""
+        wanted, operator = self._wanted_motion(), self._operator
+        if self._aim is Aim.RESET:
+            if operator.arm:
+                return Request.DISARM, Motion.REST
+            return (Request.RESET if now_ns >= self._rested_ns else Request.LIFE), Motion.REST
+        if operator.motion != wanted:
+            return Request.MOTION, wanted
+        return (Request.LIFE if operator.arm else Request.ARM), wanted
+
+    def _wanted_motion(self) -> Motion:
+        return Motion.STAND if self._aim in (Aim.STAND, Aim.RESET) else Motion.WALK
+
+    def read(self, record: Record, now_ns: int) -> bool:
+        """Give the next event."""
+        assert isinstance(record, OperatorEvent)
+        if now_ns < self._next_ns:
+            return False
+        self._next_ns = now_ns + PERIOD_NS
+        self._sequence += 1
+        record.stamp_ns, record.sequence, record.source, record.priority = now_ns, self._sequence, SOURCE, PRIORITY
+        record.request, record.motion = self.request(now_ns)
+        return True
+
+    def read_path(self, record: Record, now_ns: int) -> bool:
+        """Give the path, or withdraw it, until that has been taken up."""
+        assert isinstance(record, Path)
+        if self._aim not in (Aim.WITHDRAW, Aim.WALK) or now_ns < self._next_path_ns:
+            return False
+        self._next_path_ns = now_ns + 4 * PERIOD_NS
+        record.clear()
+        record.stamp_ns, record.speed = now_ns, self._scenario.speed_mps
+        if self._aim is Aim.WALK:
+            waypoints = self._scenario.waypoints
+            record.count, record.closed = len(waypoints), self._scenario.closed
+            record.x[: len(waypoints)], record.y[: len(waypoints)] = zip(*waypoints, strict=True)
+        return True
+
+
+class EnduringPath:
+    """The path port of an `EnduringOperator`."""
+
+    def __init__(self, operator: EnduringOperator) -> None:
+        self._operator = operator
+
+    def read(self, record: Record, now_ns: int) -> bool:
+        """Give the path, or withdraw it."""
+        return self._operator.read_path(record, now_ns)
+
+
+class EnduranceObserver:
+    """Watches a long walk.
+
+    Args:
+        world: the true robot.
+        operator: told to look at each sample.
+        records: of the robot, by topic, kept up to date.
+        duration_s: of the walk.
+        progress: called now and then.
+    """
+
+    def __init__(
+        self,
+        world: QuadrupedWorld,
+        operator: EnduringOperator,
+        records: Mapping[str, Record],
+        duration_s: float,
+        progress: Progress,
+    ) -> None:
+        self._world, self._operator, self._progress = world, operator, progress
+        self._safety: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
+        self._duration_s, self._next_ns, self._samples = duration_s, 0, 0
+        self._was_down, self._tumbles = False, 0
+
+    def over(self, now_ns: int) -> bool:
+        """Look at the robot; true when the time is over."""
+        self._operator.look(now_ns)
+        if now_ns < self._next_ns:
+            return False
+        self._next_ns = now_ns + SAMPLE_NS
+        self._samples += 1
+        if self._samples % 100 == 1:
+            self._progress(now_ns * 1e-9, self._duration_s)
+        down = self._world.tilt > FALLEN_TILT_RAD or self._world.clearance < FALLEN_CLEARANCE_M
+        self._tumbles += down and not self._was_down and self._safety.mode in _POWERED
+        self._was_down = down
+        return now_ns >= self._duration_s * 1e9
+
+    def outcome(self) -> dict[str, Any]:
+        """How the walk went; `tumbles` are falls of a robot that was not damped."""
+        operator = self._operator
+        return {
+            "completed": operator.laps > 0 and not self._tumbles,
+            "fell": self._tumbles > 0,
+            "fault": "",
+            "laps": operator.laps,
+            "tumbles": self._tumbles,
+            "falls_into_damped": [{"at_s": at_s, "fault": fault} for at_s, fault in operator.falls],
+        }
