@@ -49,9 +49,7 @@ def run_live(
 ) -> dict[str, Any]:
     """Run a scenario in real time; arguments and result as those of `run_scenario`.
 
-    Args:
-        robot, scenario, seed, estimator, controller, overrides, out, until_s, progress: see there.
-        duration_s: walk lap after lap for so long, and after each fault reset the robot and go on.
+    With `duration_s` the robot walks lap after lap for so long, and after each fault is reset and goes on.
 
     Raises:
         UgvError: for an unknown robot, scenario or key, or a process that ended before the run.

@@ -2,7 +2,7 @@
 """The simulated robot against the wall clock: its drives on real buses, its sensors' samples handed on.
 
 World time begins with the first frame that reaches a drive, as a robot's begins when it is switched on. A world that
-was late goes on with as many steps as have come due, so that its time stays that of the wall clock.
+was late makes up for it step by step, up to a bound; what it is late beyond that is lost, and told.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from sim_bridge.quadruped_world import QuadrupedWorld
 
 START_AFTER_NS = 5_000_000
 POLL_NS = 1_000_000
+LONGEST_LAG_NS = 20_000_000
+"""A world that is later than this stands still for the rest: a slow computer must not leave it behind for good."""
 
 
 class Outlet(Protocol):
@@ -49,6 +51,9 @@ class LiveWorld:
         step_ns: of its physics.
         sources: looked at after every step.
         ticks: logs each tick, given the time of its first release.
+
+    Attributes:
+        lost_ns: for which the world stood still, since it was too late.
     """
 
     def __init__(
@@ -61,7 +66,7 @@ class LiveWorld:
     ) -> None:
         self._world, self._wires, self._step_ns = world, wires, step_ns
         self._sources, self._ticks = tuple(sources), ticks
-        self.start_ns = 0
+        self.start_ns = self.lost_ns = 0
 
     def run(self, over: Callable[[int], bool]) -> int:
         """Wait for the first frame, then run until `over(world time)`; returns the world time reached."""
@@ -73,13 +78,23 @@ class LiveWorld:
             while not over(now_ns):
                 alarm.sleep_until(ticks.release_ns)
                 began_ns = time.monotonic_ns()
-                now_ns = (began_ns - self.start_ns) // self._step_ns * self._step_ns
-                self._world.advance(now_ns)
-                for record, port, outlet in self._sources:
-                    if port.read(record, now_ns):
-                        outlet.publish(record, self.start_ns)
+                self._stand_still(began_ns - self.start_ns - now_ns - LONGEST_LAG_NS)
+                while now_ns + self._step_ns <= began_ns - self.start_ns:
+                    now_ns += self._step_ns
+                    self._step(now_ns)
                 ticks.done(began_ns, time.monotonic_ns())
         return now_ns
+
+    def _stand_still(self, too_late_ns: int) -> None:
+        if too_late_ns > 0:
+            self.start_ns += too_late_ns
+            self.lost_ns += too_late_ns
+
+    def _step(self, now_ns: int) -> None:
+        self._world.advance(now_ns)
+        for record, port, outlet in self._sources:
+            if port.read(record, now_ns):
+                outlet.publish(record, self.start_ns)
 
     def _wait(self, alarm: Alarm, over: Callable[[int], bool]) -> None:
         while not self._wires.receive(End.DEVICE, 0).bus.size and not over(0):

@@ -129,11 +129,12 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
 
         _answer(ready=True, refused=refused)
         reached_ns = live.run(over)
-        wall_s = (time.monotonic_ns() - live.start_ns) * 1e-9
+        wall_s = (time.monotonic_ns() - live.start_ns + live.lost_ns) * 1e-9
     return {
         **part.outcome(),
         "sim_time_s": reached_ns * 1e-9,
         "wall_time_s": wall_s,
+        "lost_time_s": live.lost_ns * 1e-9,
         "realtime_factor": reached_ns * 1e-9 / wall_s,
     }
 
