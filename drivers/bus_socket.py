@@ -8,11 +8,11 @@ A bus whose link is lost is down, and what is to be sent on it is lost and count
 link has returned, by a new socket in any case: the interface may have been deleted and made again, and what waits in
 the old one is too old to be believed. Nothing is sent on a bus that is down or off, so that little waits in the kernel
 when it comes back: setting a link down empties its queue, and while a live bus takes nothing (no drive acknowledges)
-the small send buffer holds back all but about ten frames. Those cannot be recalled; they go out within two
+the small send buffer lets no more than eight or nine frames wait. Those cannot be recalled; they go out within two
 milliseconds of the return, and what is sent next overrides them.
 
 A frame carries the kernel's time of its reception, brought from the wall clock to the monotonic one. Reading it with
-the frame (`recvmsg`) costs a microsecond or two more than reading the frame alone.
+the frame (`recvmsg`) costs about a microsecond more than reading the frame alone.
 """
 
 from __future__ import annotations

@@ -16,6 +16,8 @@ from drivers.can_frame import FRAME_SIZE
 from drivers.errors import DriverConfigError
 
 _BACKLOG = 16
+_MOST_PACKETS = 256
+"""Taken from one end at once, so that a flood does not hold the hub's owner up."""
 
 
 class UnixHub:
@@ -56,7 +58,10 @@ class UnixHub:
         self._listener.listen(_BACKLOG)
 
     def receive(self) -> bytes:
-        """Pass on what the ends sent since the last call; returns all of it, 16 bytes a frame, in order of arrival."""
+        """Pass on what the ends sent since the last call; returns it, 16 bytes a frame, in order of arrival.
+
+        Of an end that floods the bus the rest is left for the next call.
+        """
         with contextlib.suppress(BlockingIOError):
             while True:
                 self._ends.append(self._listener.accept()[0])
@@ -75,20 +80,21 @@ class UnixHub:
 
     def _packets(self, end: socket.socket) -> list[bytes]:
         packets: list[bytes] = []
-        while True:
+        for _ in range(_MOST_PACKETS):
             try:
                 packet = end.recv(2 * FRAME_SIZE)
             except BlockingIOError:
-                return packets
+                break
             except OSError:
                 packet = b""
             if not packet:
                 self._leave(end)
-                return packets
+                break
             if len(packet) == FRAME_SIZE:
                 packets.append(packet)
             else:
                 self.rejected += 1
+        return packets
 
     def _send(self, frame: bytes, sender: socket.socket | None) -> None:
         for end in list(self._ends):

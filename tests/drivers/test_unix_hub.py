@@ -4,11 +4,13 @@
 import socket
 
 import can
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.can_frame import CAN_FRAME, make_frames
+from drivers import unix_hub
+from drivers.can_frame import CAN_EFF_MASK, CAN_FRAME, make_frames
 from drivers.errors import DriverConfigError
 from drivers.unix_can import UnixCanBus, pack, unpack
 from drivers.unix_hub import UnixHub
@@ -117,6 +119,16 @@ def test_an_end_that_does_not_read_costs_its_own_frames_alone(hub, join):
     assert got == 5000
     assert hub.dropped > 0
     assert len(received(lazy)) == 5000 - hub.dropped
+
+
+def test_an_end_that_floods_leaves_its_owner_time_for_others(hub, join, monkeypatch):
+    monkeypatch.setattr(unix_hub, "_MOST_PACKETS", 5)
+    one, two = join(), join()
+    for number in range(12):
+        one.send(can.Message(arbitration_id=number))
+    two.send(can.Message(arbitration_id=99))
+    heard = [np.frombuffer(hub.receive(), CAN_FRAME)["can_id"] & CAN_EFF_MASK for _ in range(4)]
+    assert [each.tolist() for each in heard] == [[0, 1, 2, 3, 4, 99], [5, 6, 7, 8, 9], [10, 11], []]
 
 
 def test_an_end_that_leaves_is_forgotten(hub, join):

@@ -60,9 +60,8 @@ class Link:
     def delete(self):
         ip("link", "del", self.name)
 
-    def slow(self):
-        """Let frames wait in the queue of the interface, which has room for a few."""
-        queue = ["netem", "delay", "200ms", "limit", "20"]
+    def slow(self, *queue):
+        """Let frames wait in a queue of the interface, as `tc qdisc` describes it."""
         subprocess.run(["tc", "qdisc", "replace", "dev", self.name, "root", *queue], check=True)
 
 
