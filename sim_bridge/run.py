@@ -28,7 +28,6 @@ from runtime.executors.loop_run import InputPort, OutputPort, TickSink
 from runtime.recording.metrics import path_metrics, push_recovery
 from runtime.recording.recorder import RecorderProcess
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup
-from runtime.records import Record
 from runtime.robots import load_configuration, topics
 from runtime.robots.robot import Robot
 from runtime.robots.uslgo1.assembly import PATH_CAPACITY, assemble
@@ -54,14 +53,6 @@ class NullSink:
 
     def write(self, datagram: bytes) -> None:
         """Forget it."""
-
-
-class QuietPort:
-    """An input port at which nothing ever arrives."""
-
-    def read(self, record: Record, now_ns: int) -> bool:
-        """Leave the record as it is."""
-        return False
 
 
 def chosen_scenario(name: str, config: Uslgo1Config, seed: int) -> Scenario:
@@ -122,7 +113,6 @@ def _wire(config: Uslgo1Config, course: Scenario, seed: int) -> Wired:
         topics.LOCALIZATION: world.localization,
         topics.BATTERY: world.battery,
         topics.TRUTH: world,
-        topics.BUS_STATUS: QuietPort(),
         topics.OPERATOR_EVENT: ScriptedOperator(course, config.posture.rise_s),
         topics.PATH: ScriptedPath(course),
     }
