@@ -48,8 +48,7 @@ class Link:
         self.create()
 
     def create(self):
-        ip("link", "add", self.name, "type", "vcan")
-        self.up()
+        ip("link", "add", self.name, "up", "type", "vcan")
 
     def up(self):
         ip("link", "set", self.name, "up")

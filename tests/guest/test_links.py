@@ -267,7 +267,7 @@ def test_whatever_happens_in_whatever_order_nothing_is_raised_and_the_end_is_goo
     near, rng = ports("vcan0"), random.Random(seed)
     there = raised = True
     descriptors = len(os.listdir("/proc/self/fd"))
-    for _ in range(60):
+    for _ in range(40):
         event = rng.choice(["down", "up", "delete", "create", "error", "noise", "send", "wait"])
         if event in ("down", "up") and there:
             getattr(link, event)()
