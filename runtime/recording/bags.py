@@ -15,7 +15,7 @@ from collections.abc import Callable, Collection
 from contextlib import suppress
 from pathlib import Path
 
-from runtime.executors.tick import entries, tick_record
+from runtime.executors.tick import Tick, entries, tick_record
 from runtime.recording.bag import REALTIME, BagOptions, BagWriter
 from runtime.recording.clocks import ClockReading, ClockWatch, read_clocks
 from runtime.recording.continuity import Continuity
@@ -73,7 +73,7 @@ class Bags:
         self._previous, self._reason = previous, "the recorder was started"
         self._try_again_ns = self._look_after_ns = 0
         self._continuity: dict[str, Continuity] = {}
-        self._last_index: dict[str, int] = {}
+        self._last: dict[str, tuple[int, int]] = {}
         self._life_begins_ns = 0
         self._clock_watch = ClockWatch(clocks())
         self._clock_notes = 0
@@ -85,20 +85,28 @@ class Bags:
             self._status.rejected += 1
             return
         loop, tick = self._loop_of[number], self._ticks[number]
-        if loop in self._of_control:
-            if tick.release_ns < self._life_begins_ns - _EARLIER_LIFE_NS:
-                self._status.rejected += 1
-                return
-            if tick.index <= self._last_index.get(loop, -1):
-                self._end("control counts its ticks anew")
-                self._last_index.clear()
-            if not self._last_index:
-                self._life_begins_ns = tick.release_ns
-            self._last_index[loop] = tick.index
+        if loop in self._of_control and not self._is_of_this_life(loop, tick):
+            self._status.rejected += 1
+            return
         try:
             self._record(loop, number, datagram)
         except RecordingError as error:
             self._fail(str(error))
+
+    def _is_of_this_life(self, loop: str, tick: Tick) -> bool:
+        """Whether a tick of control is neither late nor a repetition; one that counts anew ends the bag."""
+        if tick.release_ns < self._life_begins_ns - _EARLIER_LIFE_NS:
+            return False
+        last_index, last_ns = self._last.get(loop, (-1, -1))
+        if tick.index <= last_index:
+            if tick.release_ns <= last_ns:
+                return False
+            self._end("control counts its ticks anew")
+            self._last.clear()
+        if not self._last:
+            self._life_begins_ns = tick.release_ns
+        self._last[loop] = tick.index, tick.release_ns
+        return True
 
     def flush(self) -> None:
         """Hand what was recorded so far to the operating system."""
@@ -179,7 +187,6 @@ class Bags:
         except RecordingError as error:
             if directory is not None:
                 shutil.rmtree(directory, ignore_errors=True)
-            self._status.failed += 1
             self._fail(str(error))
             return None
         self._bag, self._previous = bag, directory.name

@@ -14,6 +14,7 @@ import pytest
 from runtime import signals
 from runtime.executors.lockstep import Delays, Lockstep, no_delay
 from runtime.executors.realtime import RealTime
+from runtime.executors.tick import ENTRY, tick_record
 from runtime.recording.bag import BagOptions, BagSink
 from runtime.recording.setup import Attachment, RecordingSetup, recording_setup
 from runtime.records import Record, float64, float64_array, int64, uint32
@@ -187,6 +188,15 @@ def live_datagrams(ticks: int = 120, key_frame_ns: int = 50_000_000) -> Datagram
     return sink
 
 
+def renumbered(datagram: bytes, index: int, release_ns: int) -> bytes:
+    """A datagram as that of another tick of its loop."""
+    tick = tick_record(make_loops()[0 if datagram[:2] == b"\0\0" else 1])
+    end = ENTRY.size + tick.cdr_size
+    tick.load(datagram[ENTRY.size : end])
+    tick.index, tick.release_ns = index, release_ns
+    return datagram[: ENTRY.size] + tick.to_bytes() + datagram[end:]
+
+
 def toy_setup(robot: str = "toy", extra: Sequence[Attachment] = (), key_frame_ns: int = 100_000_000) -> RecordingSetup:
     """What its recorder is told."""
     return recording_setup(
@@ -202,6 +212,7 @@ class Toy:
     setup: Callable[..., RecordingSetup] = toy_setup
     datagrams: Callable[..., Datagrams] = datagrams
     live_datagrams: Callable[..., Datagrams] = live_datagrams
+    renumbered: Callable[[bytes, int, int], bytes] = renumbered
     small_chunks: BagOptions = SMALL_CHUNKS
 
     def bag(self, directory: Path, options: BagOptions = SMALL_CHUNKS, **run: Any) -> Path:
