@@ -18,6 +18,7 @@ from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.recording import setup
 from runtime.recording.errors import LogError
 from runtime.recording.log import Log, Signal
+from runtime.recording.loop_timing import DescribedLoop, described_loops
 from runtime.recording.metrics import Projection, project
 from runtime.tracking.errors import PathError
 from runtime.tracking.paths import Polyline
@@ -49,14 +50,6 @@ class Terrain(NamedTuple):
     y0: float
     spacing: float
     heights: Array
-
-
-class Loop(NamedTuple):
-    """A loop as the log describes it."""
-
-    name: str
-    period_ns: int
-    budget_ns: int
 
 
 @dataclass
@@ -96,7 +89,7 @@ class RunData:
     summary: Mapping[str, Any]
     signals: dict[str, Signal]
     ticks: dict[str, Signal]
-    loops: list[Loop]
+    loops: list[DescribedLoop]
     joint_names: list[str]
     path: Polyline | None = None
     path_points: Array = field(default_factory=lambda: np.empty((0, 2)))
@@ -119,14 +112,13 @@ def load_run(run: Path) -> RunData:
     wanted = [t for t in log.channels if t in _SIGNALS or t.startswith(TICK_TOPIC_PREFIX)]
     signals = {topic: signal for topic, signal in log.read_signals(wanted).items() if len(signal.log_ns)}
     ticks = {t[len(TICK_TOPIC_PREFIX) :]: s for t, s in signals.items() if t.startswith(TICK_TOPIC_PREFIX)}
-    described = _described(log)
     data = RunData(
         log=log,
         summary=_summary(log.path.parent / "summary.json"),
         signals={topic: signal for topic, signal in signals.items() if topic in _SIGNALS},
         ticks=ticks,
-        loops=[Loop(e["name"], e["period_ns"], e["budget_ns"]) for e in described.get("loops", [])],
-        joint_names=list(described.get("joint_names", [])),
+        loops=described_loops(log),
+        joint_names=_joint_names(log),
         terrain=_terrain(log),
     )
     _find_path(data)
@@ -141,12 +133,13 @@ def yaw_of(orientation: npt.NDArray[np.float64]) -> Array:
     return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
-def _described(log: Log) -> dict[str, Any]:
+def _joint_names(log: Log) -> list[str]:
     try:
         described = log.json(setup.MANIFEST)
     except LogError:
-        return {}
-    return described if isinstance(described, dict) else {}
+        return []
+    names = described.get("joint_names") if isinstance(described, dict) else None
+    return [str(name) for name in names] if isinstance(names, list) else []
 
 
 def _summary(path: Path) -> dict[str, Any]:
