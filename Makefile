@@ -7,6 +7,7 @@ WORKERS ?= auto
 TEST_ARGS ?=
 GUEST_ARGS ?=
 CLAIMS_ARGS ?=
+FUZZ_S ?= 20
 BIN := .venv/bin
 STAMP := .venv/.installed
 
@@ -45,6 +46,11 @@ lint: venv  ## Check style, types and import rules.
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+fuzz: venv  ## Try to break every decoder, FUZZ_S seconds each (needs x86_64: atheris).
+	@$(BIN)/python -c 'import atheris' 2>/dev/null || \
+	    $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[fuzz]'
+	$(BIN)/python tests/fuzz/campaign.py --seconds $(FUZZ_S)
+
 claims: venv  ## Walk the scenarios on a few seeds and compare with what is claimed.
 	$(BIN)/python tests/claims.py $(CLAIMS_ARGS)
 
@@ -55,5 +61,5 @@ bench: venv  ## Measure, each figure beside what it is compared with.
 	$(BIN)/ugv bench sil
 
 clean:  ## Remove the environment, caches and built packages; runs/ stays.
-	rm -rf .venv dist .hypothesis .benchmarks .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv dist .fuzz .hypothesis .benchmarks .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find drivers runtime sim_bridge tests -name __pycache__ -type d -exec rm -rf {} +
