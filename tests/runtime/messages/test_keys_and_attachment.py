@@ -90,7 +90,7 @@ def test_any_bytes_are_an_attachment_or_the_one_error(data):
         # as `ros2 topic info --verbose` gives them in Jazzy
         (definitions.STRING, "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"),
         (definitions.TWIST, "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a"),
-        (definitions.EMPTY, "RIHS01_20b625256f32d5dbc0d04fee44f43e41c51c70d3502f84b4a08e7a9c26a96312"),
+        (definitions.EMPTY, "RIHS01_20b625256f32d5dbc0d04fee44f43c41e51c70d3502f84b4a08e7a9c26a96312"),
         (definitions.IMU, IMU_HASH),
     ],
 )
