@@ -28,8 +28,9 @@ from runtime.messages.keys import (
 )
 
 _PLACE_IN_SOURCE = re.compile(r" at /\S+\.rs:\d+\.?")
+_MOST_SESSIONS = 64
 LARGEST_PAYLOAD_BYTES = 8 << 20
-"""Larger messages are not even taken out of zenoh's hands."""
+"""Larger messages are refused; twice as large ones zenoh does not even put together."""
 
 
 class SessionError(UgvError):
@@ -63,6 +64,9 @@ def session_config(listen: Sequence[str], connect: Sequence[str], file: Path | N
             ("scouting/multicast/enabled", False),
             ("scouting/gossip/enabled", False),
             ("timestamping/enabled", True),  # late joiners are given kept messages by their time
+            ("transport/shared_memory/enabled", False),  # it would leave files behind when killed
+            ("transport/unicast/max_sessions", _MOST_SESSIONS),
+            ("transport/link/rx/max_message_size", 2 * LARGEST_PAYLOAD_BYTES),
         ):
             config.insert_json5(key, json.dumps(value))
         return config
@@ -190,4 +194,5 @@ def _gid(session: str, token: str) -> bytes:
 
 
 def _reason(error: Exception) -> str:
-    return _PLACE_IN_SOURCE.sub("", str(error).strip().split("\n")[0])
+    text = str(error).strip().split("\n")[0]
+    return _PLACE_IN_SOURCE.sub("", text.partition(": {")[0])  # what follows may be a configuration with its passwords
