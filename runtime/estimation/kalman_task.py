@@ -133,7 +133,7 @@ def _sample(
     seconds = seconds_since_last(memory, now_ns, period_s, config.longest_step_s)
     if imu.sequence != memory.imu_sequence:
         memory.imu_sequence = imu.sequence
-        in_order = memory.imu_stamp_ns <= imu.stamp_ns <= now_ns
+        in_order = memory.imu_stamp_ns <= imu.stamp_ns <= now_ns + int(config.longest_step_s * 1e9)
         if in_order and is_finite_sample(imu) and is_plausible(inertials[0], imu, memory.acceleration, memory.rate):
             memory.rate[:] = imu.angular_velocity
             memory.acceleration[:] = imu.linear_acceleration

@@ -26,7 +26,7 @@ class AuthorityConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         lease_ns: the lease is lost without a sign of life for longer.
-        event_age_max_ns: an older event is rejected, unless it is an emergency stop.
+        event_age_max_ns: an older event (or one so far ahead) is rejected, unless it is an emergency stop.
         reset_ns: how long a reset asks for leaving DAMPED.
     """
 
@@ -95,7 +95,7 @@ def is_well_formed(event: OperatorEvent, now_ns: int, age_max_ns: int) -> bool:
     if event.request == Request.EMERGENCY_STOP:
         return True
     known = event.request <= max(Request) and event.motion <= max(Motion)
-    return known and bool(np.isfinite(event.velocity).all()) and 0 <= now_ns - event.stamp_ns <= age_max_ns
+    return known and bool(np.isfinite(event.velocity).all()) and abs(now_ns - event.stamp_ns) <= age_max_ns
 
 
 def _may_command(memory: AuthorityMemory, event: OperatorEvent) -> bool:
@@ -121,7 +121,7 @@ def _take_away(memory: AuthorityMemory) -> None:
 
 def _obey(memory: AuthorityMemory, event: OperatorEvent, now_ns: int) -> bool:
     """Take up a request of the holder; false if the robot is in no state for it."""
-    memory.life_ns = event.stamp_ns
+    memory.life_ns = min(event.stamp_ns, now_ns)
     if event.request == Request.RELEASE:
         _take_away(memory)
     elif event.request == Request.ARM:

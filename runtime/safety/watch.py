@@ -112,7 +112,7 @@ def inertial_faults(config: SafetyConfig, inertial: InertialConfig, memory: Safe
     """Judge a new inertial sample; what is wrong with the newest, and with the sensor for want of good ones."""
     if imu.stamp_ns != memory.imu_seen_ns:
         memory.imu_seen_ns = imu.stamp_ns
-        memory.imu_fault = _flaw(inertial, memory, imu, now_ns)
+        memory.imu_fault = _flaw(inertial, memory, imu, now_ns + config.imu_age_max_ns)
         if memory.imu_fault == 0:
             alike = (imu.linear_acceleration == memory.acceleration).all()
             alike = alike and (imu.angular_velocity == memory.rate).all()
@@ -129,10 +129,10 @@ def inertial_faults(config: SafetyConfig, inertial: InertialConfig, memory: Safe
 
 
 @compiled
-def _flaw(inertial: InertialConfig, memory: SafetyMemory, imu: Imu, now_ns: int) -> int:
+def _flaw(inertial: InertialConfig, memory: SafetyMemory, imu: Imu, latest_ns: int) -> int:
     if not is_finite_sample(imu):
         return Fault.NON_FINITE_SENSOR.value
-    if imu.stamp_ns < memory.imu_ns or imu.stamp_ns > now_ns:
+    if imu.stamp_ns < memory.imu_ns or imu.stamp_ns > latest_ns:
         return Fault.IMU_TIME.value
     if not is_plausible(inertial, imu, memory.acceleration, memory.rate):
         return Fault.IMPLAUSIBLE_IMU.value
