@@ -19,6 +19,8 @@ DROP_INS = Path("/run/systemd/system")
 STAND_IN = Path("/opt/stand_in.py")
 PROBE = Path("/run/ugv/probe.sock")
 PATIENCE_S = 60
+STOPPED = "9d1aaa27d60140bd96365438aad20286"
+"""What systemd's journal entries about a unit that has stopped are marked with."""
 INSTEAD_OF_LIMITS = "AmbientCapabilities=CAP_SYS_NICE CAP_IPC_LOCK\nCapabilityBoundingSet=CAP_SYS_NICE CAP_IPC_LOCK\n"
 
 
@@ -43,7 +45,7 @@ def limits_can_be_raised():
 
 def journal(*options):
     """Lines of the journal, in order."""
-    command = ["journalctl", "--output=cat", "--no-pager", *options]
+    command = ["journalctl", "--no-pager", "--output=cat", *options]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
 
 
@@ -187,7 +189,7 @@ def test_control_starts_last_and_stops_first(running):
     assert started == sorted(started)
     systemctl("stop", "ugv.target")
     systemctl("stop", *UNITS)
-    stopped = [line.split()[1] for line in journal("--boot") if line.startswith("Stopped ugv-")]
+    stopped = [json.loads(line)["UNIT"] for line in journal("--output=json", f"MESSAGE_ID={STOPPED}")]
     assert stopped[-3:] == list(reversed(UNITS))
     assert [shown(unit, "Result") for unit in UNITS] == ["success"] * 3
 
