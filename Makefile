@@ -1,22 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-# `make sil` and `make test` need only Python and make; everything else is installed into .venv. `make test-guest` also
-# needs a few Debian packages, which it installs as root or names.
+# `make sil` and `make test` need only Python and make; everything else is installed into .venv. `make test-guest` and
+# `make test-service` also need a few Debian packages, which they install as root or name.
 
 PYTHON ?= python3
 WORKERS ?= auto
 TEST_ARGS ?=
 GUEST_ARGS ?=
+SERVICE_ARGS ?=
 CLAIMS_ARGS ?=
 FUZZ_S ?= 20
 BIN := .venv/bin
 STAMP := .venv/.installed
+WHEELS := .venv/wheels
 
 # One thread per linear-algebra call: more are slower at these sizes, and not reproducible.
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: sil venv test test-guest lint claims bench clean
+.PHONY: sil venv test test-guest test-service lint claims bench clean
 .DEFAULT_GOAL := sil
 
 sil: venv  ## Walk USLGO1 round the 6 cm circle.
@@ -34,11 +36,22 @@ $(STAMP): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $(STAMP)
 
-test: venv  ## Run all tests but those that need a kernel with CAN.
+test: venv  ## Run all tests but those that need a kernel with CAN, or a systemd.
 	$(BIN)/pytest -n $(WORKERS) --dist loadgroup $(TEST_ARGS)
 
 test-guest: venv  ## Test the drivers on CAN interfaces of a kernel: of this one if it has CAN, else of a guest.
 	tests/guest/with-can $(BIN)/pytest -p no:cacheprovider tests/guest $(GUEST_ARGS)
+
+test-service: venv $(WHEELS)/.complete  ## Install into a real systemd in a container and test the units (needs root).
+	PYTHON=$(BIN)/python tests/service/in-systemd env UGV_SERVICE_WHEELS=$(abspath $(WHEELS)) PYTHONDONTWRITEBYTECODE=1 \
+	    $(BIN)/python -m pytest -p no:cacheprovider tests/service $(SERVICE_ARGS)
+
+$(WHEELS)/.complete: pyproject.toml constraints.txt
+	rm -rf $(WHEELS)
+	$(BIN)/python -m pip download --quiet --disable-pip-version-check -d $(WHEELS) -c constraints.txt . \
+	    "$$(sed -n 's/^requires = \["\(.*\)"\]/\1/p' pyproject.toml)"
+	@rm -f $(WHEELS)/ugv_runtime-*
+	@touch $@
 
 lint: venv  ## Check style, types and import rules.
 	$(BIN)/ruff check .

@@ -122,6 +122,15 @@ put_environment() {
     printf '%s\n' "$state" > $opt/venv/.installed
 }
 
+# Steps every loop of a robot for a while, without buses or sensors.
+rehearsal='
+import sys
+from importlib import import_module
+from runtime.cli.main import single_threaded
+single_threaded()
+from runtime.robots import load_configuration
+import_module(f"runtime.robots.{sys.argv[1]}.rehearsal").rehearse(load_configuration(sys.argv[1]))'
+
 # The units read the compiled loops from /var/cache/ugv, so it is their user that compiles.
 compile_loops() {
     state=$(cat $opt/venv/.installed)
@@ -129,12 +138,8 @@ compile_loops() {
     say "new      /var/cache/ugv (the loops are compiled: a minute or two)"
     rm -rf /var/cache/ugv
     install -d -o ugv -g ugv -m 750 /var/cache/ugv
-    install -d -o ugv -g ugv "$work/walk"
-    (cd "$work/walk" && setpriv --reuid=ugv --regid=ugv --clear-groups env HOME="$work/walk" UGV_CACHE_DIR=/var/cache/ugv \
-        $opt/venv/bin/ugv sil "$robot" turn --out "$work/walk/run" > "$work/warm-up.log" 2>&1) || {
-        cat "$work/warm-up.log" >&2
-        refuse "the loops could not be compiled; see above"
-    }
+    (cd / && setpriv --reuid=ugv --regid=ugv --clear-groups env UGV_CACHE_DIR=/var/cache/ugv \
+        $opt/venv/bin/python -c "$rehearsal" "$robot") || refuse "the loops could not be compiled; see above"
     printf '%s\n' "$state" > /var/cache/ugv/.compiled
 }
 

@@ -22,19 +22,28 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from llvmlite.binding import get_host_cpu_name
 from numba.core import caching
 
 _PACKAGES = Path(__file__).resolve().parents[1]
 _IMPORT = re.compile(r"^from ((?:runtime|drivers|sim_bridge)[\w.]*) import (?:\(([^)]*)\)|(.*))", re.MULTILINE)
 
 
+def kept_directory() -> Path:
+    """Where machine code belongs: under UGV_CACHE_DIR, or else within the environment, which goes with the program."""
+    return Path(os.environ.get("UGV_CACHE_DIR") or sys.prefix) / "kernels"
+
+
+def is_compiled(file: Path, directory: Path) -> bool:
+    """Whether a directory holds machine code of the present state of a source file, for this processor."""
+    processor = get_host_cpu_name().encode()
+    return any(processor in index.read_bytes() for index in (directory / source_digest(file)).glob("*.nbi"))
+
+
 @cache
 def _directory() -> Path:
-    """Under UGV_CACHE_DIR, or else within the environment, which goes when the program goes.
-
-    Where that cannot be written to, a passing one: every process then compiles anew.
-    """
-    kept = Path(os.environ.get("UGV_CACHE_DIR") or sys.prefix) / "kernels"
+    """The one for this process: where nothing can be written there, a passing one, and it compiles anew."""
+    kept = kept_directory()
     try:
         kept.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=kept).close()

@@ -21,6 +21,7 @@ VERBS = {
     "replay": "execute a recorded run again and compare it bit for bit",
     "report": "write the HTML report of a run",
     "log": "say what is in a log",
+    "doctor": "say whether this host is fit to run a robot",
     "config": "check or show a robot's configuration",
     "bench": "measure a part, beside what it is compared with",
     "experiment": "reproduce a paper's table",

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A host with systemd, on which the runtime is installed; `make test-service` boots it and sets UGV_SERVICE_HOST.
+"""A host with systemd, on which the runtime is installed; `make test-service` boots it and says where the wheels are.
 
-Elsewhere these tests are not collected: they install into /opt and /etc of the machine that they run on.
+These tests install into /opt and /etc of the machine that they run on, so they refuse any other.
 """
 
 import os
@@ -12,11 +12,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-WHEELS = Path(os.environ.get("UGV_SERVICE_HOST", ""))
+WHEELS = os.environ.get("UGV_SERVICE_WHEELS", "")
 SYSTEM_PYTHON = Path("/opt/python/bin/python3")
 """The interpreter of the tests, where it was moved out of a home directory."""
 
-collect_ignore_glob = [] if "UGV_SERVICE_HOST" in os.environ else ["test_*.py"]
+
+@pytest.fixture(scope="session", autouse=True)
+def _host():
+    """Fails rather than skips: who runs these tests wants them run."""
+    if not WHEELS:
+        pytest.exit("these tests install a service: use make test-service, which boots a host for them", 2)
 
 
 def install(*options: str) -> str:

@@ -4,8 +4,8 @@
 import json
 import os
 import pwd
-import select
 import resource
+import select
 import signal
 import socket
 import subprocess
@@ -105,7 +105,9 @@ def capable(probe):
     """
     if limits_can_be_raised():
         return True
-    warnings.warn("root may not raise limits on this host: capabilities instead of LimitRTPRIO and LimitMEMLOCK", stacklevel=1)
+    warnings.warn(
+        "root may not raise limits on this host: capabilities instead of LimitRTPRIO and LimitMEMLOCK", stacklevel=1
+    )
     for name in ("control", "link"):
         drop_in = DROP_INS / f"ugv-{name}.service.d" / "stand-in.conf"
         drop_in.write_text(drop_in.read_text() + INSTEAD_OF_LIMITS)
@@ -229,10 +231,10 @@ def test_a_process_that_keeps_dying_is_given_up(running, probe):
     kill(facts, signal.SIGKILL)
     assert select.select([gone], [], [], PATIENCE_S)[0]
     os.close(gone)
-    with subprocess.Popen(["journalctl", "--follow", "--output=cat", "--unit=ugv-control.service"], stdout=-1) as journal:
-        assert journal.stdout is not None
-        assert any(b"Start request repeated too quickly" in line for line in journal.stdout)
-        journal.kill()
+    follow = ["journalctl", "--follow", "--output=cat", "--unit=ugv-control.service"]
+    with subprocess.Popen(follow, stdout=subprocess.PIPE, text=True) as following:
+        assert any("Start request repeated too quickly" in line for line in following.stdout)
+        following.kill()
     assert shown("ugv-control.service", "ActiveState") == "failed"
     assert shown("ugv-link.service", "MainPID") == str(running["link"]["pid"])
 

@@ -82,7 +82,8 @@ def check_endpoints(listen: Sequence[str], free: Sequence[bool], running: bool, 
         if found is None:
             yield ok(name, "is not a port of this host")
         elif not is_free and not running:
-            yield fail(name, "cannot be listened on: something else does, or the address is not ours", "stop it, or change link.listen")
+            sentence = "cannot be listened on: something else does, or the address is not of this host"
+            yield fail(name, sentence, "stop what listens there, or change link.listen")
         elif not is_loopback(found.host) and not secured:
             yield warn(
                 name,

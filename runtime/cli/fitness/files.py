@@ -32,7 +32,8 @@ def read_directory(path: Path) -> Directory:
     """Look at a directory, or at the nearest one above it that exists, without writing."""
     nearest = next(place for place in (path.absolute(), *path.absolute().parents) if place.exists())
     room = os.statvfs(nearest)
-    writable = nearest.is_dir() and not room.f_flag & os.ST_RDONLY and (os.access(nearest, os.W_OK) or _of_service(nearest))
+    permitted = os.access(nearest, os.W_OK) or _of_service(nearest)
+    writable = nearest.is_dir() and permitted and not room.f_flag & os.ST_RDONLY
     return Directory(path, writable, room.f_bavail * room.f_frsize)
 
 

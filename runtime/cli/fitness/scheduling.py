@@ -78,8 +78,8 @@ def check_priority(wanted: int, refusal: str, own: Limits, unit: Limits | None) 
     if refusal and own.priority >= wanted:
         return fail(
             name,
-            f"SCHED_FIFO is refused to {own.whose} although the limit allows it: this control group has no real-time share",
-            "run outside the group, or give it one: write 950000 to its cpu.rt_runtime_us, or boot with rt_group_sched=0",
+            f"SCHED_FIFO is refused to {own.whose} within its limit: this control group has no real-time share",
+            "run outside the group, or give it a share (cpu.rt_runtime_us), or boot with rt_group_sched=0",
         )
     if unit is not None:
         if unit.priority < wanted:
@@ -96,7 +96,8 @@ def check_memory(own: Limits, unit: Limits | None) -> Finding:
     limits = unit or own
     if limits.locked_memory_bytes < 0:
         return ok("locked memory", f"{limits.whose} may lock all memory")
-    sentence = f"{limits.whose} may lock {limits.locked_memory_bytes // 1024} KiB only, so page faults would delay loops"
+    kibibytes = limits.locked_memory_bytes // 1024
+    sentence = f"{limits.whose} may lock {kibibytes} KiB only, so page faults would delay loops"
     remedy = "set LimitMEMLOCK=infinity in a drop-in of the unit" if unit else LIMITS
     return fail("locked memory", sentence, remedy)
 

@@ -13,6 +13,7 @@ from runtime.cli.fitness.finding import Finding, fail, ok, warn
 
 DISTRIBUTION = "ugv-runtime"
 INSTALL = "run deploy/install.sh again (in a checkout: make venv)"
+_KERNEL = re.compile(r"^@compiled", re.MULTILINE)
 _PIN = re.compile(r'([a-z0-9.-]+)==([\w.]+)(?:; python_version (<|>=) "3\.(\d+)")?')
 
 
@@ -60,6 +61,21 @@ def pins(constraints: str) -> dict[str, str]:
     return found
 
 
+def read_kernels(directory: Path) -> tuple[int | None, int]:
+    """How many of our source files with kernels are compiled in a directory, and how many there are.
+
+    None of a directory that cannot be read.
+    """
+    from runtime.kernel_cache import is_compiled
+
+    room = Path(__file__).resolve().parents[2]
+    files = [file for file in sorted(room.rglob("*.py")) if _KERNEL.search(file.read_text())]
+    try:
+        return sum(is_compiled(file, directory) for file in files), len(files)
+    except PermissionError:
+        return None, len(files)
+
+
 def check_packages(required: Iterable[str], pinned: Mapping[str, str], installed: Mapping[str, str]) -> Finding:
     """Every package is there, in the version that was tested."""
     missing = sorted(name for name in required if name not in installed)
@@ -67,9 +83,10 @@ def check_packages(required: Iterable[str], pinned: Mapping[str, str], installed
         return fail("packages", f"missing: {', '.join(missing)}", INSTALL)
     if not pinned:
         return warn("packages", "there is no constraints.txt to compare versions with", INSTALL)
-    others = [f"{name} {installed[name]}" for name, version in pinned.items() if installed.get(name, version) != version]
+    others = sorted(name for name, version in pinned.items() if installed.get(name, version) != version)
     if others:
-        return warn("packages", f"other versions than those tested: {', '.join(sorted(others))}", INSTALL)
+        named = ", ".join(f"{name} {installed[name]} (tested: {pinned[name]})" for name in others)
+        return warn("packages", f"other versions than those tested: {named}", INSTALL)
     return ok("packages", f"all {len(pinned)} versions are those tested")
 
 

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The installer keeps what a person has edited, changes nothing the second time, and is undone by the uninstaller."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+CONFIGURATION, UNIT = "etc/ugv/uslgo1.toml", "etc/systemd/system/ugv-link.service"
+
+
+class Staging:
+    """A directory that is installed into, and a copy of the sources to install from."""
+
+    def __init__(self, directory: Path) -> None:
+        self.root, self.sources = directory / "root", directory / "sources"
+        for part in ("deploy", "runtime/robots"):
+            shutil.copytree(ROOT / part, self.sources / part)
+        shutil.copy(ROOT / "constraints.txt", self.sources)
+
+    def _run(self, script: Path, *options: str, code: int = 0) -> str:
+        environment = {**os.environ, "DESTDIR": str(self.root)}
+        done = subprocess.run([script, *options], capture_output=True, text=True, check=False, env=environment)
+        assert done.returncode == code, done.stderr
+        return done.stdout + done.stderr
+
+    def install(self, *options: str, code: int = 0) -> str:
+        return self._run(self.sources / "deploy/install.sh", *options, code=code)
+
+    def uninstall(self, *options: str) -> str:
+        return self._run(self.root / "opt/ugv/uninstall.sh", *options)
+
+    def tree(self) -> dict[str, tuple[int, bytes]]:
+        """Mode and content of every file."""
+        files = (path for path in self.root.rglob("*") if path.is_file())
+        return {str(path.relative_to(self.root)): (path.stat().st_mode, path.read_bytes()) for path in files}
+
+
+@pytest.fixture
+def staging(tmp_path):
+    return Staging(tmp_path)
+
+
+def test_the_second_time_changes_nothing(staging):
+    staging.install()
+    once = staging.tree()
+    told = staging.install()
+    assert staging.tree() == once
+    assert not any(word in told for word in ("new ", "updated", "kept", "removed"))
+
+
+def test_uninstalling_leaves_nothing(staging):
+    staging.install()
+    staging.uninstall()
+    assert staging.tree() == {}
+    assert not (staging.root / "etc/ugv").exists()
+    assert not (staging.root / "opt/ugv").exists()
+
+
+@pytest.mark.parametrize("path", [CONFIGURATION, UNIT])
+def test_an_edited_file_is_kept_and_the_version_that_comes_is_put_beside_it(staging, path):
+    staging.install()
+    file = staging.root / path
+    file.write_text("edited\n")
+    assert f"kept     /{path}" in staging.install()
+    assert not file.with_name(file.name + ".new").exists()
+    source = next(staging.sources.glob(f"**/{file.name}"))
+    source.write_text(source.read_text() + "# a later version\n")
+    assert f"/{path}.new" in staging.install()
+    assert (file.read_text(), file.with_name(file.name + ".new").read_bytes()) == ("edited\n", source.read_bytes())
+    once = staging.tree()
+    staging.install()
+    assert staging.tree() == once
+
+
+def test_a_file_that_nobody_edited_follows_the_sources(staging):
+    staging.install()
+    source = staging.sources / "deploy/systemd/ugv-link.service"
+    source.write_text(source.read_text() + "# a later version\n")
+    assert f"updated  /{UNIT}" in staging.install()
+    assert (staging.root / UNIT).read_bytes() == source.read_bytes()
+
+
+def test_what_is_no_longer_shipped_goes_unless_it_was_edited(staging):
+    extra = staging.sources / "deploy/examples/extra.conf"
+    extra.write_text("1\n")
+    staging.install()
+    installed = staging.root / "opt/ugv/examples/extra.conf"
+    extra.unlink()
+    staging.install()
+    assert not installed.exists()
+    extra.write_text("1\n")
+    staging.install()
+    installed.write_text("2\n")
+    extra.unlink()
+    staging.install()
+    assert installed.read_text() == "2\n"
+
+
+def test_uninstalling_keeps_what_was_edited_unless_told_to_purge(staging):
+    staging.install()
+    (staging.root / CONFIGURATION).write_text("edited\n")
+    assert f"kept     /{CONFIGURATION}" in staging.uninstall()
+    assert set(staging.tree()) == {CONFIGURATION}
+    staging.install()
+    assert (staging.root / CONFIGURATION).read_text() == "edited\n"
+    staging.uninstall("--purge")
+    assert staging.tree() == {}
+
+
+def test_files_of_others_are_left_alone(staging):
+    theirs = staging.root / "etc/systemd/system/ugv-link.service.d/lan.conf"
+    theirs.parent.mkdir(parents=True)
+    theirs.write_text("[Service]\n")
+    staging.install()
+    staging.uninstall("--purge")
+    assert set(staging.tree()) == {"etc/systemd/system/ugv-link.service.d/lan.conf"}
+
+
+def test_an_unknown_robot_and_an_unknown_option_are_refused(staging):
+    assert "there is no robot uslgo2" in staging.install("--robot", "uslgo2", code=2)
+    assert "usage:" in staging.install("--frobnicate", code=2)
+    assert staging.tree() == {}
