@@ -90,7 +90,7 @@ def _of_the_kernel(config: Uslgo1Config | None) -> Iterator[Finding]:
 def _of_the_wires(config: Uslgo1Config) -> Iterator[Finding]:
     from drivers.bus_load import MAX_BUS_LOAD, worst_bus_load
     from drivers.dialects import dialect_named
-    from runtime.cli.fitness import buses
+    from runtime.cli.fitness import buses, endpoints
 
     drives = config.drives
     if drives.interface == "socketcan":
@@ -102,6 +102,11 @@ def _of_the_wires(config: Uslgo1Config) -> Iterator[Finding]:
         for bus in range(drives.buses)
     ]
     yield buses.check_loads(loads, MAX_BUS_LOAD)
+    if config.link.zenoh_config:
+        yield endpoints.check_file(Path(config.link.zenoh_config), os.access(config.link.zenoh_config, os.R_OK))
+    else:
+        free = [endpoints.is_free(text) for text in config.link.listen]
+        yield from endpoints.check_endpoints(config.link.listen, free, endpoints.link_is_running())
 
 
 def _of_the_software(runtime_directory: Path, log_directory: Path) -> Iterator[Finding]:

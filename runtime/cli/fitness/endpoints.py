@@ -7,9 +7,10 @@ import ipaddress
 import socket
 import subprocess
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
-from runtime.cli.fitness.finding import Finding, fail, ok, warn
+from runtime.cli.fitness.finding import Finding, fail, ok
 
 UNIT = "ugv-link.service"
 _PATIENCE_S = 3
@@ -19,12 +20,10 @@ class Endpoint(NamedTuple):
     """A place to listen.
 
     Attributes:
-        text: as configured.
         host: address or name.
         port: number.
     """
 
-    text: str
     host: str
     port: int
 
@@ -35,7 +34,7 @@ def endpoint(text: str) -> Endpoint | None:
     host, _, port = address.rpartition(":")
     if protocol not in ("tcp", "tls", "udp", "quic", "ws") or not port.isdigit():
         return None
-    return Endpoint(text, host.strip("[]"), int(port))
+    return Endpoint(host.strip("[]"), int(port))
 
 
 def is_loopback(host: str) -> bool:
@@ -46,10 +45,13 @@ def is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
-def port_is_free(found: Endpoint) -> bool:
-    """Whether it could be listened on."""
+def is_free(text: str) -> bool:
+    """Whether an endpoint could be listened on; one that is no port always can."""
+    found = endpoint(text)
+    if found is None:
+        return True
     family = socket.AF_INET6 if ":" in found.host else socket.AF_INET
-    kind = socket.SOCK_DGRAM if found.text.startswith(("udp", "quic")) else socket.SOCK_STREAM
+    kind = socket.SOCK_DGRAM if text.startswith(("udp", "quic")) else socket.SOCK_STREAM
     try:
         with socket.socket(family, kind) as end:
             end.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -68,27 +70,32 @@ def link_is_running() -> bool:
         return False
 
 
-def check_endpoints(listen: Sequence[str], free: Sequence[bool], running: bool, secured: bool) -> Iterator[Finding]:
-    """Every place that the link listens on.
+def check_endpoints(listen: Sequence[str], free: Sequence[bool], running: bool) -> Iterator[Finding]:
+    """Every place that the link listens on by itself.
 
     Args:
         listen: endpoints as configured.
         free: whether each could be listened on.
         running: whether the link runs already.
-        secured: whether a configuration file of zenoh's own says who may connect.
     """
-    for text, is_free in zip(listen, free, strict=True):
+    for text, one_is_free in zip(listen, free, strict=True):
         name, found = f"zenoh {text}", endpoint(text)
         if found is None:
             yield ok(name, "is not a port of this host")
-        elif not is_free and not running:
+        elif not is_loopback(found.host):
+            sentence = "other hosts can reach it, and whoever does commands the robot"
+            remedy = "listen on 127.0.0.1, or name a file with certificates and access control in link.zenoh_config"
+            yield fail(name, sentence, remedy)
+        elif not one_is_free and not running:
             sentence = "cannot be listened on: something else does, or the address is not of this host"
             yield fail(name, sentence, "stop what listens there, or change link.listen")
-        elif not is_loopback(found.host) and not secured:
-            yield warn(
-                name,
-                "other hosts can reach it, and whoever does commands the robot",
-                "listen on 127.0.0.1, or use certificates and access control (deploy/zenoh)",
-            )
         else:
             yield ok(name, "the link listens on it" if running else "is free")
+
+
+def check_file(path: Path, readable: bool) -> Finding:
+    """The configuration of zenoh's own that stands in place of endpoints."""
+    if readable:
+        return ok("zenoh", f"is configured by {path}")
+    remedy = "put it there, readable for the user who runs the robot, or change link.zenoh_config"
+    return fail("zenoh", f"{path} cannot be read", remedy)

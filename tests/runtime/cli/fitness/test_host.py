@@ -71,7 +71,7 @@ def test_nothing_can_be_written_below_a_file(tmp_path):
     ],
 )
 def test_endpoints_are_understood(text, host, port):
-    assert endpoints.endpoint(text) == endpoints.Endpoint(text, host, port)
+    assert endpoints.endpoint(text) == endpoints.Endpoint(host, port)
 
 
 def test_what_is_no_port_is_no_endpoint():
@@ -95,28 +95,34 @@ def test_loopback_is_told_from_the_network(host, loopback):
 
 
 @pytest.mark.parametrize(
-    ("text", "free", "running", "secured", "verdict"),
+    ("text", "free", "running", "verdict"),
     [
-        (LOOPBACK, True, False, False, Verdict.OK),
-        (LOOPBACK, False, True, False, Verdict.OK),
-        (LOOPBACK, False, False, False, Verdict.FAIL),
-        ("tcp/0.0.0.0:7447", True, False, False, Verdict.WARN),
-        ("tls/0.0.0.0:7447", True, False, True, Verdict.OK),
-        ("unixsock-stream//run/ugv/zenoh.sock", False, False, False, Verdict.OK),
+        (LOOPBACK, True, False, Verdict.OK),
+        (LOOPBACK, False, True, Verdict.OK),
+        (LOOPBACK, False, False, Verdict.FAIL),
+        ("tcp/0.0.0.0:7447", True, False, Verdict.FAIL),
+        ("unixsock-stream//run/ugv/zenoh.sock", False, False, Verdict.OK),
     ],
 )
-def test_a_port_is_free_or_ours_and_not_open_to_everybody(text, free, running, secured, verdict):
-    (finding,) = endpoints.check_endpoints([text], [free], running, secured)
+def test_a_port_is_free_or_ours_and_not_open_to_everybody(text, free, running, verdict):
+    (finding,) = endpoints.check_endpoints([text], [free], running)
     assert (finding.name, finding.verdict) == (f"zenoh {text}", verdict)
+
+
+@pytest.mark.parametrize(("readable", "verdict"), [(True, Verdict.OK), (False, Verdict.FAIL)])
+def test_a_configuration_of_zenoh_has_to_be_readable(readable, verdict):
+    finding = endpoints.check_file(Path("/etc/ugv/zenoh/robot-tls.json5"), readable)
+    assert finding.verdict is verdict
+    assert "robot-tls.json5" in finding.sentence
 
 
 def test_a_port_that_is_listened_on_is_not_free():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        found = endpoints.Endpoint("tcp/", *taken.getsockname())
-        assert not endpoints.port_is_free(found)
-    assert endpoints.port_is_free(found)
+        text = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        assert not endpoints.is_free(text)
+    assert endpoints.is_free(text)
 
 
 def test_pins_are_those_of_this_python():
