@@ -87,13 +87,15 @@ put_files() {
     put 644 "$work/ugv.conf" /etc/ugv/ugv.conf
     put 644 "$sources/runtime/robots/$robot/$robot.toml" "/etc/ugv/$robot.toml"
     for file in "$deploy"/zenoh/*; do
-        [ ! -f "$file" ] || put 644 "$file" "/etc/ugv/zenoh/$(basename "$file")"
+        mode=644
+        [ ! -x "$file" ] || mode=755
+        [ ! -f "$file" ] || put $mode "$file" "/etc/ugv/zenoh/$(basename "$file")"
     done
     for file in ugv.target ugv-control.service ugv-link.service ugv-recorder.service ugv-.service.d/10-common.conf; do
         put 644 "$deploy/systemd/$file" "$units/$file"
     done
-    put 644 "$deploy/network/70-ugv-can.link" /etc/systemd/network/70-ugv-can.link
-    put 644 "$deploy/network/70-ugv-can.network" /etc/systemd/network/70-ugv-can.network
+    put 644 "$deploy/network/60-ugv-can.link" /etc/systemd/network/60-ugv-can.link
+    put 644 "$deploy/network/60-ugv-can.network" /etc/systemd/network/60-ugv-can.network
     put 644 "$deploy/modules-load.d/ugv.conf" /etc/modules-load.d/ugv.conf
     if grep -qs tegra /proc/device-tree/compatible; then
         put 644 "$deploy/modules-load.d/ugv-jetson.conf" /etc/modules-load.d/ugv-jetson.conf

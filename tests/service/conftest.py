@@ -24,16 +24,21 @@ def _host():
         pytest.exit("these tests install a service: use make test-service, which boots a host for them", 2)
 
 
-def install(*options: str) -> str:
-    """Run the installer with packages from the wheels alone, and return what it says."""
+@pytest.fixture(scope="session")
+def install():
+    """Runs the installer with packages from the wheels alone, and returns what it says."""
     python = SYSTEM_PYTHON if SYSTEM_PYTHON.exists() else Path(sys.base_prefix) / "bin" / "python3"
-    command = [ROOT / "deploy" / "install.sh", "--python", python, "--wheels", WHEELS, *options]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+
+    def run(*options):
+        command = [ROOT / "deploy" / "install.sh", "--python", python, "--wheels", WHEELS, *options]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    return run
 
 
 @pytest.fixture(scope="session")
-def installed() -> None:
+def installed(install):
     """The runtime under /opt/ugv, nothing compiled, nothing started."""
     install("--no-warm-up")
