@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Records of another process enter a loop, whichever of the two was there first."""
+
+from runtime.executors.shared_ports import LOOK_AGAIN_NS, EventPort, LatestPort, event_writer, latest_writer
+from runtime.records import Record, int64
+
+
+class Value(Record):
+    stamp_ns = int64("ns")
+    value = int64()
+
+
+def write(writer, *values):
+    record = Value("/ugv/value")
+    for value in values:
+        record.value = value
+        writer.write(record)
+
+
+def read_all(port, now_ns=0):
+    record, values = Value("/ugv/value"), []
+    while port.read(record, now_ns):
+        values.append(record.value)
+    return values
+
+
+def test_of_measurements_only_the_newest_counts(tmp_path):
+    writer, port = latest_writer(tmp_path, Value("/ugv/value")), LatestPort(tmp_path)
+    write(writer, 1, 2, 3)
+    assert read_all(port) == [3]
+    write(writer, 4)
+    assert read_all(port) == [4]
+    assert read_all(port) == []
+
+
+def test_of_events_each_counts(tmp_path):
+    writer, port = event_writer(tmp_path, Value("/ugv/value")), EventPort(tmp_path)
+    write(writer, 1, 2, 3)
+    assert read_all(port) == [1, 2, 3]
+
+
+def test_a_port_finds_a_writer_that_comes_later(tmp_path):
+    port = LatestPort(tmp_path)
+    assert read_all(port, 0) == []
+    write(latest_writer(tmp_path, Value("/ugv/value")), 5)
+    assert read_all(port, LOOK_AGAIN_NS - 1) == []
+    assert read_all(port, LOOK_AGAIN_NS) == [5]
+
+
+def test_a_writer_that_starts_anew_carries_on(tmp_path):
+    writer, port = event_writer(tmp_path, Value("/ugv/value")), EventPort(tmp_path)
+    write(writer, 1)
+    assert read_all(port) == [1]
+    writer.close()
+    write(event_writer(tmp_path, Value("/ugv/value")), 2)
+    assert read_all(port) == [2]
