@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum, auto
 from typing import Any
 
@@ -22,7 +22,7 @@ from runtime.signals import (
     SafetyStatus,
 )
 from sim_bridge.courses import Scenario
-from sim_bridge.observer import FALLEN_CLEARANCE_M, FALLEN_TILT_RAD, SAMPLE_NS, Progress
+from sim_bridge.observer import FALLEN_CLEARANCE_M, FALLEN_TILT_RAD, SAMPLE_NS
 from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.script import PERIOD_NS, PRIORITY, SOURCE
 
@@ -72,8 +72,8 @@ class EnduringOperator:
         if mode == Mode.DAMPED and self._aim is not Aim.RESET:
             self.falls.append((now_ns * 1e-9, str(Fault(self._safety.fault).name)))
             self._aim, self._rested_ns = Aim.RESET, now_ns + RESTED_NS
-        elif self._aim is Aim.RESET and mode == Mode.STANDBY:
-            self._aim = Aim.STAND
+        elif mode in (Mode.OFF, Mode.STANDBY):
+            self._aim = Aim.STAND  # after a reset, or since control was started anew
         elif self._aim is Aim.STAND and mode == Mode.STANDING and self._gait.balancing:
             self._aim = Aim.WITHDRAW
         elif self._aim is Aim.WITHDRAW and not command.arrived and command.remaining == 0.0:
@@ -143,7 +143,7 @@ class EnduranceObserver:
         operator: told to look at each sample.
         records: of the robot, by topic, kept up to date.
         duration_s: of the walk.
-        progress: called now and then.
+        progress: called now and then, told the present mode too.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class EnduranceObserver:
         operator: EnduringOperator,
         records: Mapping[str, Record],
         duration_s: float,
-        progress: Progress,
+        progress: Callable[[float, float, Mode], None],
     ) -> None:
         self._world, self._operator, self._progress = world, operator, progress
         self._safety: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
@@ -167,7 +167,7 @@ class EnduranceObserver:
         self._next_ns = now_ns + SAMPLE_NS
         self._samples += 1
         if self._samples % 100 == 1:
-            self._progress(now_ns * 1e-9, self._duration_s)
+            self._progress(now_ns * 1e-9, self._duration_s, Mode(self._safety.mode))
         down = self._world.tilt > FALLEN_TILT_RAD or self._world.clearance < FALLEN_CLEARANCE_M
         self._tumbles += down and not self._was_down and self._safety.mode in _POWERED
         self._was_down = down

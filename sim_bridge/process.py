@@ -32,6 +32,7 @@ from runtime.records import Record
 from runtime.robots import load_configuration
 from runtime.robots.uslgo1.assembly import assemble
 from runtime.robots.uslgo1.config import Uslgo1Config
+from runtime.signals import Mode
 from sim_bridge.courses import Scenario
 from sim_bridge.endurance import WATCHED, EnduranceObserver, EnduringOperator, EnduringPath
 from sim_bridge.live_world import LiveWorld
@@ -82,7 +83,7 @@ def _part(
 ) -> Part:
     if task.duration_s is not None:
         operator = EnduringOperator(course, records)
-        watcher = EnduranceObserver(world, operator, records, task.duration_s, _report)
+        watcher = EnduranceObserver(world, operator, records, task.duration_s, _report_mode)
         return Part(operator, EnduringPath(operator), watcher.over, watcher.outcome)
     until_s = math.inf if task.until_s is None else task.until_s
     observer = Observer(world, records, config, course, until_s, _report)
@@ -92,6 +93,10 @@ def _part(
 
 def _report(done_s: float, expected_s: float) -> None:
     _answer(progress=(done_s, expected_s))
+
+
+def _report_mode(done_s: float, expected_s: float, mode: Mode) -> None:
+    _answer(progress=(done_s, expected_s), mode=mode.name)
 
 
 def simulate(task: Task) -> dict[str, Any]:

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot in simulation as it is on a robot: control, link and recorder as `ugv run` starts them, and a simulator."""
+
+from __future__ import annotations
+
+import json
+import socket
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import msgspec
+
+from runtime.configuration import dump
+from runtime.executors.processes import ProcessError, Processes, how_it_ended
+from runtime.robots import load_configuration
+from runtime.robots.uslgo1.config import Uslgo1Config
+from sim_bridge.process import Task
+from sim_bridge.run import chosen_scenario, packed
+
+HUB = "ugv-unix"
+STOP_ORDER = ("control", "sim", "link", "recorder")
+
+
+def wired(robot: str, chosen: Mapping[str, str], directory: Path) -> Uslgo1Config:
+    """The configuration of a robot whose buses are hubs in the runtime directory, its link with a port of its own."""
+    channels = [str(directory / f"can{bus}") for bus in range(load_configuration(robot, chosen).drives.buses)]
+    wiring = {
+        "drives.interface": HUB,
+        "drives.channels": json.dumps(channels),
+        "link.listen": json.dumps([f"tcp/127.0.0.1:{_free_port()}"]),
+    }
+    return load_configuration(robot, {**chosen, **wiring})
+
+
+class LiveProcesses:
+    """The processes of one run, as a context manager.
+
+    Args:
+        config: as of `wired`.
+        task: of the simulator, but for its configuration, which is written into the runtime directory.
+        out: directory that the recorder writes in.
+
+    Attributes:
+        processes: those that run.
+        refused: what the system did not grant the simulator, as sentences.
+    """
+
+    def __init__(self, config: Uslgo1Config, task: Task, out: Path) -> None:
+        directory = Path(task.directory)
+        file = directory / "config.toml"
+        file.write_text(dump(config))
+        terrain = chosen_scenario(task.scenario, config, task.seed).terrain(task.seed)
+        (directory / "terrain.npz").write_bytes(packed(terrain))
+        self._task = msgspec.structs.replace(task, config=str(file))
+        self._ugv = [sys.executable, "-m", "runtime.cli.main", "run", config.robot, "--config", str(file)]
+        self._ugv += ["--runtime-dir", str(directory), "--log-dir", str(out.resolve()), "--process"]
+        self.processes = Processes()
+        self.refused: list[str] = []
+
+    def __enter__(self) -> LiveProcesses:
+        self.processes.__enter__()
+        try:
+            for name in ("recorder", "link"):
+                self.start(name)
+                self.processes.wait_ready(name)
+            self._start_simulator()
+            self.start("control")
+        except BaseException:
+            self.processes.__exit__(None, None, None)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.processes.__exit__(kind, error, trace)
+
+    def start(self, name: str) -> None:
+        """Start control, link or recorder."""
+        self.processes.start(name, [*self._ugv, name])
+
+    def _start_simulator(self) -> None:
+        simulator = self.processes.start("sim", [sys.executable, "-m", "sim_bridge.process"], piped=True)
+        assert simulator.stdin is not None
+        assert simulator.stdout is not None
+        simulator.stdin.write(msgspec.json.encode(self._task) + b"\n")
+        simulator.stdin.flush()
+        self._lines = simulator.stdout
+        for answer in self.answers():
+            if "ready" in answer:
+                self.refused = answer["refused"]
+                break
+
+    def answers(self) -> Iterator[dict[str, Any]]:
+        """What the simulator says, until it has said how the run went.
+
+        Raises:
+            ProcessError: if it ends before that.
+        """
+        for line in self._lines:
+            answer = json.loads(line)
+            yield answer
+            if "outcome" in answer:
+                return
+        raise ProcessError(f"the simulator {how_it_ended(self.processes.stop('sim'))} before the run was over")
+
+    def stop(self) -> None:
+        """End all in order: the recorder is the last, so that it has heard everything."""
+        for name in STOP_ORDER:
+            self.processes.stop(name)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
