@@ -63,6 +63,7 @@ class LoopTimes:
         overruns: ticks before which whole periods were skipped.
         skipped: these periods.
         late: ticks whose results left after the budget.
+        over_budget: ticks whose tasks took more wall time than the budget.
         gaps: where ticks are missing.
         stalls: ticks that began later than the bound.
         stall_bound_ns: this bound.
@@ -75,6 +76,7 @@ class LoopTimes:
     overruns: int
     skipped: int
     late: int
+    over_budget: int
     gaps: tuple[Gap, ...]
     stalls: tuple[Stall, ...]
     stall_bound_ns: int
@@ -128,6 +130,7 @@ def loop_times(loop: DescribedLoop, ticks: Signal, stall_bound_ns: int | None = 
         overruns=int(np.count_nonzero(rows["skipped"])),
         skipped=int(rows["skipped"].sum(dtype=np.int64)),
         late=int(np.count_nonzero(rows["late"])),
+        over_budget=int(np.count_nonzero(rows["compute_ns"] > loop.budget_ns)),
         gaps=_gaps(loop.name, rows),
         stalls=tuple(
             Stall(loop.name, int(rows["index"][i]), int(rows["now_ns"][i]), int(wake[i])) for i in stalled.tolist()

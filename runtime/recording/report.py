@@ -16,6 +16,7 @@ import numpy as np
 from runtime.recording import run_data, setup
 from runtime.recording.counters import counters
 from runtime.recording.errors import LogError, RecordingError
+from runtime.recording.report_timing import timing_section, timing_warnings
 from runtime.recording.run_data import RunData, load_run
 from runtime.signals import Fault, Mode
 
@@ -59,6 +60,7 @@ def report(data: RunData) -> str:
             for what, value in _cards(data)
         ),
         warnings=_warning_section(warnings(data)),
+        timing=timing_section(data),
         counters=_counter_section(counters(data)),
         figures=sections,
         summary=_tables(list(_flat(data.summary))),
@@ -81,7 +83,7 @@ def warnings(data: RunData) -> list[str]:
     said += [f"The log has no {what}." for topic, what in _EXPECTED.items() if topic not in data.signals]
     if data.path is None and run_data.PATH in data.signals:
         said.append("No path of at least two points was given, so there are no tracking errors.")
-    said += _safety_warnings(data) + _loop_warnings(data)
+    said += _safety_warnings(data) + timing_warnings(data)
     return said
 
 
@@ -113,27 +115,6 @@ def _safety_warnings(data: RunData) -> list[str]:
 
 def _counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
-def _loop_warnings(data: RunData) -> list[str]:
-    said = []
-    for loop in data.loops:
-        if loop.name not in data.ticks:
-            continue
-        rows = data.ticks[loop.name].values
-        late, skipped = int(rows["late"].sum()), int(rows["skipped"].sum())
-        over = int(np.count_nonzero(rows["compute_ns"] > loop.budget_ns))
-        if late or skipped:
-            said.append(
-                f"Loop {loop.name}: results of {late} ticks left after the budget, {skipped} periods were skipped."
-            )
-        elif over:
-            said.append(
-                f"Loop {loop.name}: {over} of {len(rows)} ticks took more wall time than the budget of "
-                f"{loop.budget_ns / 1e6:g} ms, which slows a simulation and changes nothing in it; on the robot their "
-                f"results would be late."
-            )
-    return said
 
 
 def _fault_names(bits: int) -> str:

@@ -1,58 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's figures of a run, as SVG. The only place that imports matplotlib.
-
-Lines are drawn from at most a couple of thousand points: within each column of the picture the extremes are kept, so no
-peak is lost.
-"""
+"""The paper's figures of a run, as SVG."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from runtime.recording import run_data
-from runtime.recording.run_data import Array, RunData, yaw_of
+from runtime.recording.figure_style import (
+    BLUE,
+    FAINT,
+    GREEN,
+    INK,
+    ORANGE,
+    RED,
+    STYLE,
+    VIOLET,
+    ReportFigure,
+    legend,
+    line,
+    stack,
+    svg,
+)
+from runtime.recording.run_data import RunData, yaw_of
+from runtime.recording.wake_figure import wake_figure
 from runtime.signals import Mode
 
-_COLUMNS = 600
 _CLOSE_UP_S = 1.5
-_INK, _FAINT = "#1d2733", "#8a97a6"
-_BLUE, _ORANGE, _GREEN, _RED, _VIOLET = "#2166c2", "#e07b00", "#2a9154", "#c8372d", "#7a4fbf"
-_STYLE: Any = {
-    "font.size": 9.5,
-    "axes.edgecolor": _FAINT,
-    "axes.labelcolor": _INK,
-    "axes.titlesize": 10,
-    "axes.titlelocation": "left",
-    "axes.titlecolor": _INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e3e8ee",
-    "grid.linewidth": 0.8,
-    "xtick.color": _INK,
-    "ytick.color": _INK,
-    "legend.frameon": False,
-    "legend.fontsize": 8.5,
-    "lines.linewidth": 1.2,
-    "svg.hashsalt": "ugv",
-}
-
-
-class ReportFigure(NamedTuple):
-    """A picture with its title and what it shows, in a sentence."""
-
-    title: str
-    caption: str
-    svg: str
 
 
 def figures(data: RunData) -> list[ReportFigure]:
@@ -65,51 +43,11 @@ def figures(data: RunData) -> list[ReportFigure]:
         _look_ahead,
         _estimate,
         _loop_times,
+        wake_figure,
         _safety,
     )
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         return [made for made in (make(data) for make in makers) if made is not None]
-
-
-def _svg(figure: Figure) -> str:
-    stream = io.StringIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
-    text = stream.getvalue()
-    return text[text.index("<svg") :]
-
-
-def thinned(t: Array, y: Array, columns: int = _COLUMNS) -> tuple[Array, Array]:
-    """A line with the least and the greatest value of each of `columns` stretches kept."""
-    if len(t) <= 2 * columns:
-        return t, y
-    edges = np.linspace(0, len(t), columns + 1).astype(int)
-    kept = []
-    for begin, end in pairwise(edges.tolist()):
-        part = y[begin:end]
-        if np.isnan(part).all():
-            kept.append(begin)
-            continue
-        kept += sorted({begin + int(np.nanargmin(part)), begin + int(np.nanargmax(part))})
-    return t[kept], y[kept]
-
-
-def _line(axes: Axes, t: Array, y: npt.ArrayLike, label: str, color: str, width: float = 1.2) -> None:
-    axes.plot(*thinned(t, np.asarray(y, dtype=np.float64)), label=label, color=color, linewidth=width)
-
-
-def _stack(rows: int, height: float = 1.75) -> tuple[Figure, list[Axes]]:
-    """Axes below one another, with time in common."""
-    figure = Figure(figsize=(9.6, height * rows + 0.45), layout="constrained")
-    axes = [figure.add_subplot(rows, 1, 1)]
-    axes += [figure.add_subplot(rows, 1, row, sharex=axes[0]) for row in range(2, rows + 1)]
-    for upper in axes[:-1]:
-        upper.tick_params(labelbottom=False)
-    axes[-1].set_xlabel("time (s)")
-    return figure, axes
-
-
-def _legend(axes: Axes) -> None:
-    axes.legend(loc="upper right", ncols=4, borderaxespad=0.1, bbox_to_anchor=(1.0, 1.16))
 
 
 def _map(data: RunData) -> ReportFigure | None:
@@ -137,37 +75,37 @@ def _map(data: RunData) -> ReportFigure | None:
             if np.ptp(heights) > 0.0:
                 figure.colorbar(image, ax=axes, label=f"terrain height ({unit})", shrink=0.8, pad=0.015)
     if len(data.path_points):
-        axes.plot(*data.path_points.T, color=_INK, linewidth=2.2, linestyle=(0, (4, 2)), label="desired path")
+        axes.plot(*data.path_points.T, color=INK, linewidth=2.2, linestyle=(0, (4, 2)), label="desired path")
     chosen = run_data.every(data.signals[data.pose_topic].log_ns, 20_000_000)
-    axes.plot(*position[chosen, :2].T, color=_RED, linewidth=1.5, label="actual path (trunk)")
-    axes.plot(*position[0, :2], "o", color=_GREEN, markersize=7, label="start")
-    axes.plot(*position[-1, :2], "s", color=_RED, markersize=6, label="end")
+    axes.plot(*position[chosen, :2].T, color=RED, linewidth=1.5, label="actual path (trunk)")
+    axes.plot(*position[0, :2], "o", color=GREEN, markersize=7, label="start")
+    axes.plot(*position[-1, :2], "s", color=RED, markersize=6, label="end")
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x (m)", ylabel="y (m)")
     axes.legend(loc="lower left", ncols=4, bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
     whose = "true" if data.pose_topic == run_data.TRUTH else "estimated (the log has no true)"
     ground = " over the terrain's height" if data.terrain is not None else ""
-    return ReportFigure("Path", f"Desired path and {whose} path of the trunk{ground}.", _svg(figure))
+    return ReportFigure("Path", f"Desired path and {whose} path of the trunk{ground}.", svg(figure))
 
 
 def _path_errors(data: RunData) -> ReportFigure | None:
     seen = data.against_path
     if seen is None:
         return None
-    figure, axes = _stack(4)
+    figure, axes = stack(4)
     rows = (
-        ("lateral error (cm)", 100 * seen.projection.lateral_error, _VIOLET),
-        ("x error (cm)", 100 * seen.x_error, _BLUE),
-        ("y error (cm)", 100 * seen.y_error, _ORANGE),
-        ("yaw error (deg)", np.degrees(seen.projection.heading_error), _GREEN),
+        ("lateral error (cm)", 100 * seen.projection.lateral_error, VIOLET),
+        ("x error (cm)", 100 * seen.x_error, BLUE),
+        ("y error (cm)", 100 * seen.y_error, ORANGE),
+        ("yaw error (deg)", np.degrees(seen.projection.heading_error), GREEN),
     )
     for panel, (label, values, color) in zip(axes, rows, strict=True):
-        panel.axhline(0.0, color=_FAINT, linewidth=0.8)
-        _line(panel, seen.t, values, label, color)
+        panel.axhline(0.0, color=FAINT, linewidth=0.8)
+        line(panel, seen.t, values, label, color)
         panel.set_ylabel(label)
     return ReportFigure(
         "Tracking errors",
         "Trunk against the nearest path point, whose arc length only grows; yaw against the path's heading there.",
-        _svg(figure),
+        svg(figure),
     )
 
 
@@ -179,22 +117,22 @@ def _velocities(data: RunData) -> ReportFigure | None:
     yaw, v = yaw_of(rows["orientation"]), rows["linear_velocity"]
     forward = np.cos(yaw) * v[:, 0] + np.sin(yaw) * v[:, 1]
     lateral = -np.sin(yaw) * v[:, 0] + np.cos(yaw) * v[:, 1]
-    figure, axes = _stack(3)
-    _line(axes[0], t, forward, "forward", _BLUE, 0.9)
-    _line(axes[1], t, lateral, "lateral", _ORANGE, 0.9)
-    _line(axes[2], t, rows["angular_velocity"][:, 2], "yaw rate", _GREEN, 0.9)
+    figure, axes = stack(3)
+    line(axes[0], t, forward, "forward", BLUE, 0.9)
+    line(axes[1], t, lateral, "lateral", ORANGE, 0.9)
+    line(axes[2], t, rows["angular_velocity"][:, 2], "yaw rate", GREEN, 0.9)
     command = data.signals.get(run_data.BODY_COMMAND)
     if command is not None:
         asked = command.values
         for panel, values in zip(axes, (*asked["velocity"].T, asked["yaw_rate"]), strict=True):
-            panel.step(command.log_ns / 1e9, values, where="post", color=_INK, linewidth=1.1, label="commanded")
+            panel.step(command.log_ns / 1e9, values, where="post", color=INK, linewidth=1.1, label="commanded")
     for panel, label in zip(axes, ("forward (m/s)", "lateral (m/s)", "yaw rate (rad/s)"), strict=True):
         panel.set_ylabel(label)
-        _legend(panel)
+        legend(panel)
     return ReportFigure(
         "Velocities",
         "Linear velocity along and across the trunk's heading, and angular velocity about z.",
-        _svg(figure),
+        svg(figure),
     )
 
 
@@ -209,26 +147,26 @@ def _torques(data: RunData) -> ReportFigure | None:
     middle = float(t[len(t) // 2])
     near = np.abs(t - middle) <= _CLOSE_UP_S / 2
     command = data.signals.get(run_data.JOINT_COMMAND)
-    for joint, color in enumerate((_BLUE, _ORANGE, _GREEN)[:count]):
+    for joint, color in enumerate((BLUE, ORANGE, GREEN)[:count]):
         whole = figure.add_subplot(grid[joint, 0])
         close = figure.add_subplot(grid[joint, 1], sharey=whole)
-        _line(whole, t, effort[:, joint], "measured", color, 0.6)
+        line(whole, t, effort[:, joint], "measured", color, 0.6)
         close.plot(t[near], effort[near, joint], color=color, label="measured")
         if command is not None:
             shown = np.abs(command.log_ns / 1e9 - middle) <= _CLOSE_UP_S / 2
             feed = command.values["effort"][shown, joint]
-            close.plot(command.log_ns[shown] / 1e9, feed, color=_INK, linewidth=0.8, label="feed-forward")
+            close.plot(command.log_ns[shown] / 1e9, feed, color=INK, linewidth=0.8, label="feed-forward")
         name = data.joint_names[joint] if joint < len(data.joint_names) else f"joint {joint + 1}"
         whole.set_ylabel(f"{name}\n(N·m)")
         if joint == 0:
-            _legend(close)
+            legend(close)
         if joint == count - 1:
             whole.set_xlabel("time (s)")
             close.set_xlabel("time (s)")
     return ReportFigure(
         "Joint torques",
         f"Torques of the joints of the first leg: the whole run, and {_CLOSE_UP_S:g} s in the middle of it.",
-        _svg(figure),
+        svg(figure),
     )
 
 
@@ -240,19 +178,19 @@ def _look_ahead(data: RunData) -> ReportFigure | None:
     if not followed.any():
         return None
     t, rows = command.log_ns[followed] / 1e9, command.values[followed]
-    figure, axes = _stack(3)
+    figure, axes = stack(3)
     panels = (
-        ("$k_v$", rows["k_v"], _BLUE),
-        ("$k_w$", rows["k_w"], _ORANGE),
-        ("look-ahead (m)", rows["look_ahead"], _GREEN),
+        ("$k_v$", rows["k_v"], BLUE),
+        ("$k_w$", rows["k_w"], ORANGE),
+        ("look-ahead (m)", rows["look_ahead"], GREEN),
     )
     for panel, (label, values, color) in zip(axes, panels, strict=True):
-        _line(panel, t, values, label, color)
+        line(panel, t, values, label, color)
         panel.set_ylabel(label)
     return ReportFigure(
         "Look-ahead",
         "Coefficients k_v and k_w of the fuzzy look-ahead (eq 17) and the distance they make.",
-        _svg(figure),
+        svg(figure),
     )
 
 
@@ -268,14 +206,14 @@ def _estimate(data: RunData) -> ReportFigure | None:
     at = np.clip(np.searchsorted(truth.log_ns, log_ns, side="right") - 1, 0, None)
     gap = 100 * (estimate["position"] - truth.values["position"][at])
     turn = yaw_of(estimate["orientation"]) - yaw_of(truth.values["orientation"][at])
-    figure, axes = _stack(2)
-    for axis, color in enumerate((_BLUE, _ORANGE, _GREEN)):
-        _line(axes[0], t, gap[:, axis], "xyz"[axis], color, 0.9)
+    figure, axes = stack(2)
+    for axis, color in enumerate((BLUE, ORANGE, GREEN)):
+        line(axes[0], t, gap[:, axis], "xyz"[axis], color, 0.9)
     axes[0].set_ylabel("position (cm)")
-    _legend(axes[0])
-    _line(axes[1], t, np.degrees(np.angle(np.exp(1j * turn))), "yaw", _VIOLET, 0.9)
+    legend(axes[0])
+    line(axes[1], t, np.degrees(np.angle(np.exp(1j * turn))), "yaw", VIOLET, 0.9)
     axes[1].set_ylabel("yaw (deg)")
-    return ReportFigure("Estimate", "Estimated minus true pose of the trunk.", _svg(figure))
+    return ReportFigure("Estimate", "Estimated minus true pose of the trunk.", svg(figure))
 
 
 def _loop_times(data: RunData) -> ReportFigure | None:
@@ -284,22 +222,22 @@ def _loop_times(data: RunData) -> ReportFigure | None:
         return None
     figure = Figure(figsize=(9.6, 2.35 * len(loops) + 0.2), layout="constrained")
     grid = figure.add_gridspec(len(loops), 2, width_ratios=(3, 2))
-    for row, (loop, color) in enumerate(zip(loops, (_BLUE, _ORANGE, _GREEN, _VIOLET) * len(loops), strict=False)):
+    for row, (loop, color) in enumerate(zip(loops, (BLUE, ORANGE, GREEN, VIOLET) * len(loops), strict=False)):
         ticks = data.ticks[loop.name]
         cost, t = ticks.values["compute_ns"] / 1e6, ticks.log_ns / 1e9
         shares = (50.0, 99.0, 99.9)
         values = np.percentile(cost, shares)
         top = max(1.3 * float(values[-1]), 1.2 * loop.budget_ns / 1e6)
         late, histogram = figure.add_subplot(grid[row, 0]), figure.add_subplot(grid[row, 1])
-        _line(late, t, cost, loop.name, color, 0.8)
-        late.axhline(loop.budget_ns / 1e6, color=_RED, linewidth=1.0, linestyle="--", label="budget")
+        line(late, t, cost, loop.name, color, 0.8)
+        late.axhline(loop.budget_ns / 1e6, color=RED, linewidth=1.0, linestyle="--", label="budget")
         late.set(ylabel="compute time (ms)", xlabel="time (s)" if row == len(loops) - 1 else "", ylim=(0.0, top))
         late.set_title(f"{loop.name}, {1e9 / loop.period_ns:g} Hz, max {float(cost.max()):.3g} ms")
-        _legend(late)
+        legend(late)
         histogram.hist(np.minimum(cost, top), bins=60, range=(0.0, top), color=color, alpha=0.75, log=True)
         histogram.set(xlabel="compute time (ms)" if row == len(loops) - 1 else "", ylabel="ticks")
         for value in values:
-            histogram.axvline(float(value), color=_INK, linewidth=0.9, linestyle="--")
+            histogram.axvline(float(value), color=INK, linewidth=0.9, linestyle="--")
         histogram.set_title(
             "   ".join(f"p{share:g} {value:.3f}" for share, value in zip(shares, values, strict=True)) + " ms"
         )
@@ -307,7 +245,7 @@ def _loop_times(data: RunData) -> ReportFigure | None:
         "Loop times",
         "Wall time that the tasks of each loop took, tick by tick, and how it is distributed; the axes end above the "
         "99.9th percentile, and what is longer counts at their end.",
-        _svg(figure),
+        svg(figure),
     )
 
 
@@ -322,19 +260,19 @@ def _safety(data: RunData) -> ReportFigure | None:
     colors = {
         Mode.OFF: "#b8c2cc",
         Mode.STANDBY: "#8fb4e3",
-        Mode.STANDING: _BLUE,
-        Mode.ACTIVE: _GREEN,
-        Mode.DAMPED: _RED,
+        Mode.STANDING: BLUE,
+        Mode.ACTIVE: GREEN,
+        Mode.DAMPED: RED,
     }
     edges = [0, *(np.flatnonzero(np.diff(mode)) + 1).tolist(), len(mode) - 1]
     named = set()
     for begin, end in pairwise(edges):
         value = int(mode[begin])
         name = Mode(value).name if value in set(Mode) else f"mode {value}"
-        color = colors.get(Mode(value), _FAINT) if value in set(Mode) else _FAINT
+        color = colors.get(Mode(value), FAINT) if value in set(Mode) else FAINT
         axes.axvspan(t[begin], t[end], color=color, linewidth=0, label=name if name not in named else None)
         named.add(name)
     axes.set(yticks=[], xlabel="time (s)", xlim=(t[0], max(t[-1], t[0] + 1e-3)))
     axes.spines["left"].set_visible(False)
     axes.legend(loc="lower left", ncols=5, bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
-    return ReportFigure("Safety", "State of the safety filter.", _svg(figure))
+    return ReportFigure("Safety", "State of the safety filter.", svg(figure))

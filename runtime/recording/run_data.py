@@ -18,7 +18,7 @@ from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.recording import setup
 from runtime.recording.errors import LogError
 from runtime.recording.log import Log, Signal
-from runtime.recording.loop_timing import DescribedLoop, described_loops
+from runtime.recording.loop_timing import DescribedLoop, LoopTimes, described_loops, loop_times
 from runtime.recording.metrics import Projection, project
 from runtime.tracking.errors import PathError
 from runtime.tracking.paths import Polyline
@@ -78,6 +78,7 @@ class RunData:
         signals: by topic, those that are there and not empty.
         ticks: tick records by loop.
         loops: as the log describes them.
+        loop_times: how each of them that has ticks kept its time.
         joint_names: in the order of the joints.
         path: the path that was followed, if any.
         path_points: its waypoints, n x 2; the first repeated at the end of a closed path.
@@ -90,6 +91,7 @@ class RunData:
     signals: dict[str, Signal]
     ticks: dict[str, Signal]
     loops: list[DescribedLoop]
+    loop_times: list[LoopTimes]
     joint_names: list[str]
     path: Polyline | None = None
     path_points: Array = field(default_factory=lambda: np.empty((0, 2)))
@@ -112,12 +114,14 @@ def load_run(run: Path) -> RunData:
     wanted = [t for t in log.channels if t in _SIGNALS or t.startswith(TICK_TOPIC_PREFIX)]
     signals = {topic: signal for topic, signal in log.read_signals(wanted).items() if len(signal.log_ns)}
     ticks = {t[len(TICK_TOPIC_PREFIX) :]: s for t, s in signals.items() if t.startswith(TICK_TOPIC_PREFIX)}
+    described = described_loops(log)
     data = RunData(
         log=log,
         summary=_summary(log.path.parent / "summary.json"),
         signals={topic: signal for topic, signal in signals.items() if topic in _SIGNALS},
         ticks=ticks,
-        loops=described_loops(log),
+        loops=described,
+        loop_times=[loop_times(loop, ticks[loop.name]) for loop in described if loop.name in ticks],
         joint_names=_joint_names(log),
         terrain=_terrain(log),
     )

@@ -98,12 +98,14 @@ def under_atheris(name: str, modules: tuple[str, ...]) -> None:
 
     with atheris.instrument_imports(include=list(modules)):
         from fuzz_targets import OURS, TARGETS
-    decode = next(target.decode for target in TARGETS if target.name == name)
+    target = next(target for target in TARGETS if target.name == name)
 
     def one(data: bytes) -> None:
         with suppress(*OURS):
-            decode(data)
+            target.decode(data)
 
+    for seed in target.seeds():  # so that no input's time contains an import or a compilation
+        one(seed)
     atheris.Setup(sys.argv, one)
     atheris.Fuzz()
 

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report's part on time: how each loop kept it, where ticks are missing, and which wakes were late."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from runtime.recording.beginning import beginning, clock_changes
+from runtime.recording.loop_timing import LoopTimes, Percentiles, imu_age
+from runtime.recording.run_data import RunData
+
+_SHOWN = 12
+_HEAD = (
+    "loop",
+    "rate",
+    "ticks",
+    "wake latency, us",
+    "compute time, us",
+    "periods skipped",
+    "late",
+    "missing",
+    "stalls",
+)
+
+
+def timing_section(data: RunData) -> str:
+    """What the log says of time, as a section; empty if there is nothing to say."""
+    times = [one for one in data.loop_times if one.ticks]
+    if not times:
+        return ""
+    rows = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in _cells(one)) + "</tr>" for one in times)
+    head = "".join(f"<th>{escape(name)}</th>" for name in _HEAD)
+    return (
+        "<section><h2>Time</h2><p>Latencies and compute times are the median, the 99th and 99.9th percentile and the "
+        "maximum. A stall is a tick that began more than a period after its release. Periods that an overrun skipped "
+        "were never stepped; missing ticks were, but are not in the log.</p>"
+        f'<table class="times"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
+        + _list("Said by the log", _said(data))
+        + _list("Gaps", [str(gap) for one in times for gap in one.gaps])
+        + _list("Latest wakes", _stalls(times))
+        + "</section>"
+    )
+
+
+def timing_warnings(data: RunData) -> list[str]:
+    """What a reader of the figures should know of the log's time, in sentences."""
+    said = []
+    for one in data.loop_times:
+        name = one.loop.name
+        if one.missing:
+            where = "place" if len(one.gaps) == 1 else "places"
+            said.append(f"Up to {one.missing} ticks of loop {name} are missing, in {len(one.gaps)} {where}.")
+        if one.late or one.skipped:
+            said.append(
+                f"Loop {name}: results of {one.late} ticks left after the budget, {one.skipped} periods were skipped."
+            )
+        elif one.over_budget:
+            said.append(
+                f"Loop {name}: {one.over_budget} of {one.ticks} ticks took more wall time than the budget of "
+                f"{one.loop.budget_ns / 1e6:g} ms, which slows a simulation and changes nothing in it; on the robot "
+                f"their results would be late."
+            )
+    return said
+
+
+def _cells(one: LoopTimes) -> tuple[str, ...]:
+    counts = (one.skipped, one.late, one.missing, len(one.stalls))
+    return (
+        escape(one.loop.name),
+        f"{1e9 / one.loop.period_ns:g} Hz",
+        str(one.ticks),
+        _row(one.wake),
+        _row(one.compute),
+        *(f"<b>{count}</b>" if count else "0" for count in counts),
+    )
+
+
+def _row(times: Percentiles | None) -> str:
+    if times is None:
+        return "virtual time"
+    return " &nbsp; ".join(f"{value / 1e3:,.0f}" for value in times)
+
+
+def _said(data: RunData) -> list[str]:
+    said = [f"The log {sentence}." for sentence in [beginning(data.log)] if sentence]
+    said += [f"Of the clocks: {sentence}." for sentence in clock_changes(data.log)]
+    age = imu_age(data.log)
+    if age is not None:
+        shares = ", ".join(f"{name} {value / 1e6:.3g}" for name, value in zip(_SHARES, age, strict=True))
+        said.append(f"Age of the inertial samples that the estimator used: {shares} ms.")
+    return said
+
+
+_SHARES = ("p50", "p99", "p99.9", "max")
+
+
+def _stalls(times: Sequence[LoopTimes]) -> list[str]:
+    found = sorted((stall for one in times for stall in one.stalls), key=lambda stall: -stall.late_ns)
+    return [
+        f"{stall.loop}, tick {stall.tick}: {stall.late_ns / 1e6:.3g} ms late at {stall.begin_ns / 1e9:.3f} s"
+        for stall in found
+    ]
+
+
+def _list(title: str, sentences: Sequence[str]) -> str:
+    if not sentences:
+        return ""
+    shown = [*sentences[:_SHOWN]]
+    if len(sentences) > _SHOWN:
+        shown.append(f"... and {len(sentences) - _SHOWN} more")
+    return f"<h3>{escape(title)}</h3><ul>{''.join(f'<li>{escape(sentence)}</li>' for sentence in shown)}</ul>"
