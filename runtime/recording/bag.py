@@ -245,7 +245,13 @@ class BagWriter:
 
 
 class BagSink:
-    """Records in this process: takes datagrams as a `RecorderProcess` does."""
+    """Records in this process: takes datagrams as a `RecorderProcess` does.
+
+    Attributes:
+        dropped: none ever.
+    """
+
+    dropped = 0
 
     def __init__(self, directory: Path, setup: RecordingSetup, options: BagOptions = LOCKSTEP) -> None:
         self._writer = BagWriter(directory, setup, options)

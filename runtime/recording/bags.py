@@ -22,11 +22,11 @@ from runtime.recording.continuity import Continuity
 from runtime.recording.errors import RecordingError
 from runtime.recording.layout import body_size, dtype_of
 from runtime.recording.recorder_status import RecorderStatus
-from runtime.recording.setup import RecordingSetup
+from runtime.recording.setup import BEGINNING, RecordingSetup
 from runtime.tasks import Loop
 
-BEGINNING, FIRST_TICK_PREFIX, CLOCK_PREFIX = "beginning", "first_tick/", "clock/"
-"""Names of the metadata records that mark a bag."""
+FIRST_TICK_PREFIX, CLOCK_PREFIX = "first_tick/", "clock/"
+"""Names of the metadata records on the first tick of each loop, and on what happened to the clocks."""
 TRY_AGAIN_NS = 1_000_000_000
 LOOK_AFTER_NS = 1_000_000_000
 LEAST_ROOM_BYTES = 4 << 20

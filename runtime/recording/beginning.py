@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import time
 
-from runtime.recording.bags import BEGINNING, CLOCK_PREFIX, FIRST_TICK_PREFIX
+from runtime.recording.bags import CLOCK_PREFIX, FIRST_TICK_PREFIX
 from runtime.recording.log import Log
+from runtime.recording.setup import BEGINNING
 
 
 def beginning(log: Log) -> str:
@@ -30,7 +31,7 @@ def beginning(log: Log) -> str:
 def clock_changes(log: Log) -> list[str]:
     """What happened to the clocks, with the time of the log at which it was noticed."""
     return [
-        f"{entries.get('what', '')}, noticed at {_seconds(entries.get('monotonic_ns', ''))} s"
+        f"{entries.get('what', '')}, noticed at {_seconds(entries.get('monotonic_ns', ''), log.origin_ns)} s"
         for name, entries in log.metadata.items()
         if name.startswith(CLOCK_PREFIX)
     ]
@@ -43,5 +44,5 @@ def _utc(nanoseconds: str) -> str:
         return "at a time not said"
 
 
-def _seconds(nanoseconds: str) -> str:
-    return f"{int(nanoseconds) / 1e9:.3f}" if nanoseconds.isdecimal() and len(nanoseconds) < 20 else "?"
+def _seconds(nanoseconds: str, origin_ns: int) -> str:
+    return f"{(int(nanoseconds) - origin_ns) / 1e9:.3f}" if nanoseconds.isdecimal() and len(nanoseconds) < 20 else "?"

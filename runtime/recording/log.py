@@ -16,6 +16,7 @@ import numpy.typing as npt
 from runtime.executors.tick import Manifest
 from runtime.recording import layout, mcap_scan, setup
 from runtime.recording.errors import LogError
+from runtime.recording.setup import BEGINNING
 from runtime.records import CDR_LITTLE_ENDIAN
 
 _HEADER = len(CDR_LITTLE_ENDIAN)
@@ -111,6 +112,11 @@ class Log:
     def start_ns(self) -> int:
         """Log time of the earliest message."""
         return min((chunk.start_ns for chunk in self._scan.chunks), default=0)
+
+    @property
+    def origin_ns(self) -> int:
+        """Log time from which seconds are counted: 0 of virtual time; on the clock of a machine, the beginning."""
+        return self.start_ns if BEGINNING in self.metadata else 0
 
     @property
     def end_ns(self) -> int:

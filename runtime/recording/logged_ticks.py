@@ -22,6 +22,7 @@ class LoggedTick:
         index: number of the tick.
         skipped: whole periods skipped before it.
         now_ns: when it began.
+        at_ns: the same, from the log's origin.
         consumed: sequence number of each received signal.
         gap: before it, if ticks of its loop are missing there.
         bodies: CDR bodies by topic: inputs, outputs and, at a key-frame, states.
@@ -32,6 +33,7 @@ class LoggedTick:
     index: int
     skipped: int
     now_ns: int
+    at_ns: int
     consumed: tuple[int, ...]
     gap: Gap | None = None
     bodies: dict[str, memoryview] = field(default_factory=dict)
@@ -40,6 +42,7 @@ class LoggedTick:
 
 def logged_ticks(log: Log, manifest: Manifest) -> Iterator[LoggedTick]:
     """Every tick of the log, in the order in which they were recorded."""
+    origin_ns = log.origin_ns
     loop_of = {channel.record.topic: channel.loop for channel in manifest.channels}
     sizes = {channel.record.topic: channel.record.cdr_size for channel in manifest.channels}
     ticks = {c.record.topic: c.record.like() for c in manifest.channels if c.role == "tick"}
@@ -48,7 +51,9 @@ def logged_ticks(log: Log, manifest: Manifest) -> Iterator[LoggedTick]:
     current: LoggedTick | None = None
     for topic, _, log_ns, body in log.messages({*loop_of, *checksum_loops}):
         if len(body) != sizes.get(topic, len(body)):
-            log.note_damage(f"{topic} at {log_ns / 1e9:.3f} s has {len(body)} bytes instead of {sizes[topic]}")
+            log.note_damage(
+                f"{topic} at {(log_ns - origin_ns) / 1e9:.3f} s has {len(body)} bytes instead of {sizes[topic]}"
+            )
             continue
         record = ticks.get(topic)
         if isinstance(record, Tick):
@@ -60,8 +65,9 @@ def logged_ticks(log: Log, manifest: Manifest) -> Iterator[LoggedTick]:
                 index=record.index,
                 skipped=record.skipped,
                 now_ns=record.now_ns,
+                at_ns=record.now_ns - origin_ns,
                 consumed=tuple(record.consumed.tolist()),
-                gap=continuity[loop_of[topic]].take(record.index, record.skipped, record.release_ns),
+                gap=continuity[loop_of[topic]].take(record.index, record.skipped, record.release_ns - origin_ns),
                 bodies={topic: body},
             )
         elif current is None:

@@ -67,7 +67,7 @@ class LoopReplay:
         for topic, task in self._states.items():
             if topic in tick.bodies:
                 task.restore(tick.bodies[topic])
-        self.stretch = Stretch(self.loop.name, tick.index, tick.index, tick.now_ns, tick.now_ns)
+        self.stretch = Stretch(self.loop.name, tick.index, tick.index, tick.at_ns, tick.at_ns)
         return self.stretch
 
     def load_inputs(self, tick: LoggedTick) -> None:

@@ -108,15 +108,16 @@ def read_loop_times(log: Log) -> list[LoopTimes]:
     """The times of every loop that the log describes and has ticks of."""
     loops = [loop for loop in described_loops(log) if TICK_TOPIC_PREFIX + loop.name in log.channels]
     signals = log.read_signals([TICK_TOPIC_PREFIX + loop.name for loop in loops])
-    return [loop_times(loop, signals[TICK_TOPIC_PREFIX + loop.name]) for loop in loops]
+    return [loop_times(loop, signals[TICK_TOPIC_PREFIX + loop.name], log.origin_ns) for loop in loops]
 
 
-def loop_times(loop: DescribedLoop, ticks: Signal, stall_bound_ns: int | None = None) -> LoopTimes:
+def loop_times(loop: DescribedLoop, ticks: Signal, origin_ns: int = 0, stall_bound_ns: int | None = None) -> LoopTimes:
     """The times of one loop.
 
     Args:
         loop: as described.
         ticks: its tick records.
+        origin_ns: of the log, from which the times of stalls and gaps are counted.
         stall_bound_ns: a wake later than this is a stall; a period of the loop if not given.
     """
     rows, bound_ns = ticks.values, loop.period_ns if stall_bound_ns is None else stall_bound_ns
@@ -131,9 +132,10 @@ def loop_times(loop: DescribedLoop, ticks: Signal, stall_bound_ns: int | None = 
         skipped=int(rows["skipped"].sum(dtype=np.int64)),
         late=int(np.count_nonzero(rows["late"])),
         over_budget=int(np.count_nonzero(rows["compute_ns"] > loop.budget_ns)),
-        gaps=_gaps(loop.name, rows),
+        gaps=_gaps(loop.name, rows, origin_ns),
         stalls=tuple(
-            Stall(loop.name, int(rows["index"][i]), int(rows["now_ns"][i]), int(wake[i])) for i in stalled.tolist()
+            Stall(loop.name, int(rows["index"][i]), int(rows["now_ns"][i]) - origin_ns, int(wake[i]))
+            for i in stalled.tolist()
         ),
         stall_bound_ns=bound_ns,
     )
@@ -154,8 +156,8 @@ def imu_age(log: Log) -> Percentiles | None:
     return percentiles(values[IMU_AGE][values["stamp_ns"] > 0])
 
 
-def _gaps(loop: str, rows: npt.NDArray[np.void]) -> tuple[Gap, ...]:
+def _gaps(loop: str, rows: npt.NDArray[np.void], origin_ns: int) -> tuple[Gap, ...]:
     continuity = Continuity(loop)
     columns = (rows[name].tolist() for name in ("index", "skipped", "release_ns"))
-    found = (continuity.take(*tick) for tick in zip(*columns, strict=True))
+    found = (continuity.take(i, skipped, at - origin_ns) for i, skipped, at in zip(*columns, strict=True))
     return tuple(gap for gap in found if gap is not None)

@@ -110,17 +110,17 @@ class Replay:
             raise LogError(f"{self._log.path} has no task {unknown[0]}; its tasks are {', '.join(results)}")
         result = ReplayResult(self._comparing, results)
         selected = frozenset(results if tasks is None else tasks)
-        end_ns = min(to_s * 1e9, self._log.end_ns)
+        end_ns = min(to_s * 1e9, self._log.end_ns - self._log.origin_ns)
         begin_ns = from_s * 1e9
         self._ticks = logged_ticks(self._log, self._manifest)
         for count, tick in enumerate(iter(self._next, None)):
             assert tick is not None
-            if tick.now_ns > to_s * 1e9:
+            if tick.at_ns > to_s * 1e9:
                 break
             self._step(tick, begin_ns, selected, result)
             if progress is not None and count % _PROGRESS_TICKS == 0:
                 progress(
-                    min(1.0, (tick.now_ns - begin_ns) / max(1.0, end_ns - begin_ns)) if tick.now_ns > begin_ns else 0.0
+                    min(1.0, (tick.at_ns - begin_ns) / max(1.0, end_ns - begin_ns)) if tick.at_ns > begin_ns else 0.0
                 )
         if progress is not None:
             progress(1.0)
@@ -130,7 +130,8 @@ class Replay:
     def _conclude(self, result: ReplayResult) -> None:
         result.notes += self._notes
         if self._log.truncated:
-            result.notes.append(f"{self._log.path} was cut off; it was replayed up to {self._log.end_ns / 1e9:.3f} s")
+            end_s = (self._log.end_ns - self._log.origin_ns) / 1e9
+            result.notes.append(f"{self._log.path} was cut off; it was replayed up to {end_s:.3f} s")
         result.broken = [f"{self._log.path}: {phrase}" for phrase in self._log.damage]
         if self._comparing is not Comparing.IDENTITY:
             result.shifts = [s for c in self._comparisons.values() for s in c.shifts.values() if s.steps]
@@ -154,7 +155,7 @@ class Replay:
         return tick
 
     def _step(self, tick: LoggedTick, begin_ns: float, selected: frozenset[str], result: ReplayResult) -> None:
-        run, wanted = self._runs[tick.loop], tick.now_ns >= begin_ns
+        run, wanted = self._runs[tick.loop], tick.at_ns >= begin_ns
         self._note_damage(run, tick, result)
         if tick.gap is not None:
             run.pass_gap()
@@ -168,7 +169,7 @@ class Replay:
         run.hold(tick)
         if run.stretch is None:
             return
-        run.stretch.step(tick.index, tick.now_ns)
+        run.stretch.step(tick.index, tick.at_ns)
         run.load_inputs(tick)
         if run.is_key_frame(tick):
             self._pass_key_frame(run, tick, selected, result)
@@ -245,7 +246,7 @@ class Replay:
     ) -> None:
         comparison = self._comparisons[record.topic]
         if self._comparing is not Comparing.IDENTITY:
-            comparison.add_shifts(tick.now_ns, logged, replayed)
+            comparison.add_shifts(tick.at_ns, logged, replayed)
         if self._comparing is Comparing.CHANGE:
             return
         difference = comparison.first_difference(logged, replayed)
@@ -253,7 +254,7 @@ class Replay:
             return
         assert run.stretch is not None
         run.stretch.identical = False
-        found = Divergence(task.name, run.loop.name, tick.index, tick.now_ns, record.topic, difference)
+        found = Divergence(task.name, run.loop.name, tick.index, tick.at_ns, record.topic, difference)
         result.first = result.first or found
         row = result.tasks[task.name]
         row.divergence = row.divergence or found
@@ -267,7 +268,7 @@ class Replay:
                 altered[bit >> 3] ^= 1 << (bit & 7)
                 record = self._manifest.of_topic(topic).record
                 difference = Comparison(record).first_difference(tick.bodies[topic], bytes(altered))
-            result.damage.append(Damage(tick.loop, tick.index, tick.now_ns, topic, run.roles[topic], difference))
+            result.damage.append(Damage(tick.loop, tick.index, tick.at_ns, topic, run.roles[topic], difference))
 
 
 def _marks(log: Log) -> dict[str, str]:

@@ -74,9 +74,9 @@ def warnings(data: RunData) -> list[str]:
     """What a reader of the figures should know, in sentences."""
     said = []
     if data.log.truncated:
-        said.append(f"The log was cut off; it is whole up to {data.log.end_ns / 1e9:.2f} s.")
+        said.append(f"The log was cut off; it is whole up to {(data.log.end_ns - data.log.origin_ns) / 1e9:.2f} s.")
     said += [f"The log is damaged: {phrase}." for phrase in data.log.damage]
-    if not data.summary:
+    if not data.summary and setup.BEGINNING not in data.log.metadata:
         said.append("There is no summary.json beside the log.")
     if data.pose_topic != run_data.TRUTH:
         said.append("The log has no true pose, so errors are those of the estimate.")

@@ -75,7 +75,7 @@ class RunData:
     Attributes:
         log: of the run.
         summary: content of summary.json, empty if there is none.
-        signals: by topic, those that are there and not empty.
+        signals: by topic, those that are there and not empty; their times count from the log's origin.
         ticks: tick records by loop.
         loops: as the log describes them.
         loop_times: how each of them that has ticks kept its time.
@@ -115,13 +115,14 @@ def load_run(run: Path) -> RunData:
     signals = {topic: signal for topic, signal in log.read_signals(wanted).items() if len(signal.log_ns)}
     ticks = {t[len(TICK_TOPIC_PREFIX) :]: s for t, s in signals.items() if t.startswith(TICK_TOPIC_PREFIX)}
     described = described_loops(log)
+    signals = {topic: signal._replace(log_ns=signal.log_ns - log.origin_ns) for topic, signal in signals.items()}
     data = RunData(
         log=log,
         summary=_summary(log.path.parent / "summary.json"),
         signals={topic: signal for topic, signal in signals.items() if topic in _SIGNALS},
-        ticks=ticks,
+        ticks={t[len(TICK_TOPIC_PREFIX) :]: s for t, s in signals.items() if t.startswith(TICK_TOPIC_PREFIX)},
         loops=described,
-        loop_times=[loop_times(loop, ticks[loop.name]) for loop in described if loop.name in ticks],
+        loop_times=[loop_times(loop, ticks[loop.name], log.origin_ns) for loop in described if loop.name in ticks],
         joint_names=_joint_names(log),
         terrain=_terrain(log),
     )

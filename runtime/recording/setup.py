@@ -13,6 +13,8 @@ from runtime.recording.layout import ChannelSpec, channel_specs
 from runtime.tasks import Loop
 
 CONFIG, REVISION, VERSIONS, SEED = "config.toml", "git_revision.txt", "versions.json", "seed.txt"
+BEGINNING = "beginning"
+"""Name of the metadata record of a real-time log: when and why it begins."""
 FINGERPRINT, MANIFEST, TERRAIN = "fingerprint.json", "manifest.json", "terrain.npz"
 
 

@@ -22,7 +22,7 @@ def wake_figure(data: RunData) -> ReportFigure | None:
     for row, (one, color) in enumerate(zip(shown, (BLUE, ORANGE, GREEN, VIOLET) * len(shown), strict=False)):
         ticks = data.ticks[one.loop.name]
         late_us = np.maximum(ticks.values["wake_latency_ns"] / 1e3, _LEAST_US)
-        t = ticks.log_ns / 1e9 - data.log.start_ns / 1e9
+        t = ticks.log_ns / 1e9
         wake, share = figure.add_subplot(grid[row, 0]), figure.add_subplot(grid[row, 1])
         line(wake, t, late_us, one.loop.name, color, 0.7)
         wake.set(yscale="log", ylabel="wake latency (us)", xlabel="time (s)" if row == len(shown) - 1 else "")
@@ -31,8 +31,14 @@ def wake_figure(data: RunData) -> ReportFigure | None:
         if skipped.any():
             wake.plot(t[skipped], late_us[skipped], "|", color=INK, markersize=9, label="periods skipped before")
         for number, gap in enumerate(one.gaps):
-            begin, end = ((ns - data.log.start_ns) / 1e9 for ns in (gap.begin_ns, gap.end_ns))
-            wake.axvspan(begin, end, color=RED, alpha=0.25, linewidth=1, label=None if number else "missing")
+            wake.axvspan(
+                gap.begin_ns / 1e9,
+                gap.end_ns / 1e9,
+                color=RED,
+                alpha=0.25,
+                linewidth=1,
+                label=None if number else "missing",
+            )
         legend(wake)
         ordered = np.sort(late_us)
         share.plot(ordered, 1.0 - np.arange(len(ordered)) / len(ordered), color=color)

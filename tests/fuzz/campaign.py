@@ -89,6 +89,7 @@ def fuzz(name: str, modules: tuple[str, ...], corpus: Path, seconds: int) -> sub
     program = f"from campaign import under_atheris; under_atheris({name!r}, {modules!r})"
     command = [sys.executable, "-c", program, str(corpus), *limits]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), str(Path.cwd())))}
+    environment["NUMBA_DISABLE_JIT"] = "1"  # what is instrumented cannot be compiled
     return subprocess.run(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 

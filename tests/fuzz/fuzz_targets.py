@@ -88,6 +88,12 @@ def toy() -> Any:
 
 
 @functools.cache
+def toy_setup() -> Any:
+    """What its recorder is told."""
+    return toy().setup()
+
+
+@functools.cache
 def room() -> Path:
     """A directory in memory, for decoders that take a file."""
     base = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
@@ -255,7 +261,7 @@ def decode_datagram(data: bytes) -> None:
         pass
     with tempfile.TemporaryDirectory(dir=room()) as directory:
         status = RecorderStatus()
-        bags = Bags(Path(directory), toy().setup(), toy().loops(), status, lambda sentence: None)
+        bags = Bags(Path(directory), toy_setup(), toy().loops(), status, lambda sentence: None)
         bags.write(data)
         bags.close()
         assert status.recorded + status.rejected == 1

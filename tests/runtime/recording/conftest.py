@@ -14,7 +14,7 @@ import pytest
 from runtime import signals
 from runtime.executors.lockstep import Delays, Lockstep, no_delay
 from runtime.executors.realtime import RealTime
-from runtime.executors.tick import ENTRY, tick_record
+from runtime.executors.tick import ENTRY, Tick, tick_record
 from runtime.recording.bag import BagOptions, BagSink
 from runtime.recording.setup import Attachment, RecordingSetup, recording_setup
 from runtime.records import Record, float64, float64_array, int64, uint32
@@ -188,13 +188,32 @@ def live_datagrams(ticks: int = 120, key_frame_ns: int = 50_000_000) -> Datagram
     return sink
 
 
-def renumbered(datagram: bytes, index: int, release_ns: int) -> bytes:
-    """A datagram as that of another tick of its loop."""
+def altered(datagram: bytes, change: Callable[[Tick], None]) -> bytes:
+    """A datagram with another tick record."""
     tick = tick_record(make_loops()[0 if datagram[:2] == b"\0\0" else 1])
     end = ENTRY.size + tick.cdr_size
     tick.load(datagram[ENTRY.size : end])
-    tick.index, tick.release_ns = index, release_ns
+    change(tick)
     return datagram[: ENTRY.size] + tick.to_bytes() + datagram[end:]
+
+
+def renumbered(datagram: bytes, index: int, release_ns: int) -> bytes:
+    """A datagram as that of another tick of its loop."""
+
+    def change(tick: Tick) -> None:
+        tick.index, tick.release_ns = index, release_ns
+
+    return altered(datagram, change)
+
+
+def late(datagram: bytes, start_ns: int, latency_ns: int) -> bytes:
+    """A datagram as that of a loop which was started on a machine's clock, and woke late."""
+
+    def change(tick: Tick) -> None:
+        tick.release_ns, tick.wake_latency_ns = tick.release_ns + start_ns, latency_ns
+        tick.now_ns = tick.release_ns + latency_ns
+
+    return altered(datagram, change)
 
 
 def toy_setup(robot: str = "toy", extra: Sequence[Attachment] = (), key_frame_ns: int = 100_000_000) -> RecordingSetup:
@@ -213,6 +232,7 @@ class Toy:
     datagrams: Callable[..., Datagrams] = datagrams
     live_datagrams: Callable[..., Datagrams] = live_datagrams
     renumbered: Callable[[bytes, int, int], bytes] = renumbered
+    late: Callable[[bytes, int, int], bytes] = late
     small_chunks: BagOptions = SMALL_CHUNKS
 
     def bag(self, directory: Path, options: BagOptions = SMALL_CHUNKS, **run: Any) -> Path:

@@ -27,14 +27,14 @@ OWN = {
     "/ugv/imu": 125,
     "/ugv/filtered": 250,
     "/ugv/body_state": 84,
-    "/ugv/path": 1,
+    "/ugv/path": 5,
     "/ugv/plan": 25,
     "/ugv/body_command": 25,
     "/ugv/state/filter": 4,
     "/ugv/checksum/fast": 250,
     "/ugv/checksum/slow": 25,
 }
-STANDARD = {"/imu/data": 125, "/joint_states": 50, "/odom": 25, "/tf": 25, "/path": 1, "/cmd_vel": 25}
+STANDARD = {"/imu/data": 125, "/joint_states": 50, "/odom": 25, "/tf": 25, "/path": 5, "/cmd_vel": 25}
 
 
 @pytest.mark.parametrize("options", [LOCKSTEP, REALTIME, BagOptions(1, 0, 0, "zstd")])

@@ -18,9 +18,9 @@ from runtime.executors.lockstep import Lockstep
 from runtime.recording.bag import BagSink
 from runtime.recording.counters import counters
 from runtime.recording.errors import LogError, RecordingError
+from runtime.recording.figure_style import thinned
 from runtime.recording.log import Log
 from runtime.recording.report import write_report
-from runtime.recording.report_figures import thinned
 from runtime.recording.run_data import load_run
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup
 from runtime.tasks import Loop, Scheduled, Task
