@@ -12,6 +12,7 @@ from typing import Any
 from runtime.executors.shared_memory import SharedWriter
 from runtime.executors.shared_ports import event_writer, latest_writer
 from runtime.link.event_outlet import EventOutlet
+from runtime.link.loop import INPUT_TOPICS
 from runtime.link.operator_inputs import RequestUse, VelocityUse
 from runtime.link.path_input import PathUse
 from runtime.link.rate_gate import RateGate
@@ -33,11 +34,23 @@ from runtime.robots import topics
 from runtime.robots.link_config import LinkConfig
 from runtime.signals import Request
 
-IMU, LOCALIZATION, SCAN, POINTS = "/imu/data", "/localization/pose", "/scan", "/points"
-BATTERY, PATH, PATH_SPEED = "/bms/battery_state", "/path", "/path/speed"
-CMD_VEL, TELEOP = "/cmd_vel", "/teleop/cmd_vel"
-ARM, MOTION, RESET, E_STOP = "/operator/arm", "/operator/motion", "/operator/reset", "/operator/e_stop"
-HEARTBEAT, RELEASE = "/operator/heartbeat", "/operator/release"
+(
+    IMU,
+    LOCALIZATION,
+    SCAN,
+    POINTS,
+    BATTERY,
+    PATH,
+    PATH_SPEED,
+    CMD_VEL,
+    TELEOP,
+    E_STOP,
+    ARM,
+    MOTION,
+    RESET,
+    HEARTBEAT,
+    RELEASE,
+) = INPUT_TOPICS
 _BURST_S = 0.1
 
 
@@ -114,7 +127,7 @@ class Inputs:
             self._add(topic, definitions.EMPTY, standard.decode_empty, use.plain(request), rate_hz)
 
     def _add(self, topic: str, type_name: str, decode: Any, use: Any, rate_hz: float | None) -> None:
-        gate = None if rate_hz is None else RateGate(rate_hz, max(1, round(rate_hz * _BURST_S)))
+        gate = None if rate_hz is None else partial(RateGate, rate_hz, max(1, round(rate_hz * _BURST_S)))
         taker: TopicInput[Any] = TopicInput(topic, decode, use, gate, self.tally, self.senders)
         self._topics.append((topic, type_name, taker))
 

@@ -7,6 +7,7 @@ import gc
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,7 +22,7 @@ from runtime.link.clocks import ClockWatch, instant
 from runtime.link.control_monitor import ControlMonitor
 from runtime.link.diagnosis import Diagnosis
 from runtime.link.inputs import Inputs
-from runtime.link.loop import link_loop
+from runtime.link.loop import INPUT_TOPICS, STATUS, LinkStatus, link_loop
 from runtime.link.outputs import Outputs
 from runtime.link.setup import LinkSetup
 from runtime.messages.session import RosSession, session_config
@@ -95,8 +96,10 @@ class _Carrier:
         self._monitor = ControlMonitor(manifest_of(setup.loops))
         self._clocks = ClockWatch()
         self._tick = tick_record(self._loop)
+        self._status = LinkStatus(STATUS, {"input": len(INPUT_TOPICS)})
+        self._told = b""
         manifest = manifest_of((*setup.loops, self._loop))
-        self._channel = manifest.of_topic(self._tick.topic).number
+        self._channels = {channel.record.topic: channel.number for channel in manifest.channels}
         self._log = TickStream(directory / RECORDER_FILE)
         self._outputs = Outputs(
             session,
@@ -124,11 +127,28 @@ class _Carrier:
                 tick.compute_ns = done_ns - tick.now_ns
                 tick.late = done_ns > tick.release_ns + self._loop.budget_ns
                 tick.dropped = self._log.dropped
-                body = tick.to_bytes()
-                self._log.write(ENTRY.pack(self._channel, len(body)) + body)
+                self._log.write(self._entry(tick) + self._status_entry())
                 index, tick.skipped = next_tick(index, start_ns, period_ns, time.monotonic_ns())
         finally:
             self._log.close()
+
+    def _entry(self, record: Record) -> bytes:
+        body = record.to_bytes()
+        return ENTRY.pack(self._channels[record.topic], len(body)) + body
+
+    def _status_entry(self) -> bytes:
+        """What became of the messages, if that has changed."""
+        status, (_, rejected, lost) = self._status, self._inputs.tally.snapshot()
+        by_topic = Counter[str]()
+        for (topic, _), number in rejected.items():
+            by_topic[topic] += number
+        status.rejected[:] = [by_topic[topic] for topic in INPUT_TOPICS]
+        status.lost[:] = [lost.get(topic, 0) for topic in INPUT_TOPICS]
+        status.merged, status.malformed = self._inputs.outlet.merged, self._monitor.malformed
+        status.clock_steps, status.suspends = self._clocks.steps, self._clocks.suspends
+        entry = self._entry(status)
+        changed, self._told = entry != self._told, entry
+        return entry if changed else b""
 
     def _step(self, now_ns: int) -> None:
         self._inputs.outlet.flush(now_ns)

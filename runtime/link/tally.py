@@ -37,8 +37,9 @@ class Tally:
 
     def miss(self, topic: str, number: int) -> None:
         """Count messages that never arrived."""
-        with self._lock:
-            self.lost[topic] += number
+        if number:
+            with self._lock:
+                self.lost[topic] += number
 
     def snapshot(self) -> tuple[dict[str, int], dict[tuple[str, str], int], dict[str, int]]:
         """Accepted, rejected and lost so far."""

@@ -11,7 +11,7 @@ from runtime.link.clocks import Instant, instant
 from runtime.link.rate_gate import RateGate
 from runtime.link.senders import SenderBook, number_of
 from runtime.link.tally import Tally
-from runtime.messages.attachment import Attachment, parse_attachment
+from runtime.messages.attachment import parse_attachment
 from runtime.messages.errors import MessageError
 
 Message = TypeVar("Message")
@@ -28,7 +28,7 @@ class TopicInput(Generic[Message]):
         decode: bytes to a message.
         use: what is done with a message, given its source and the time of its arrival. What it and `decode` raise as a
             `MessageError` is counted.
-        gate: how many messages are read; None for all.
+        make_gate: bounds the messages that are read of one publisher; None if all are read.
         tally: counts.
         senders: whose the publishers are.
     """
@@ -38,15 +38,15 @@ class TopicInput(Generic[Message]):
         topic: str,
         decode: Callable[[bytes], Message],
         use: Callable[[Message, int, Instant], None],
-        gate: RateGate | None,
+        make_gate: Callable[[], RateGate] | None,
         tally: Tally,
         senders: SenderBook,
     ) -> None:
         self.topic = topic
-        self._decode, self._use, self._gate = decode, use, gate
+        self._decode, self._use, self._make_gate = decode, use, make_gate
         self._tally, self._senders = tally, senders
         self._unknown = number_of(topic)
-        self._numbers: dict[bytes, int] = {}
+        self._publishers: dict[bytes, _Publisher] = {}
         self._lock = threading.Lock()
 
     def receive(self, payload: bytes, attachment: bytes) -> None:
@@ -54,9 +54,7 @@ class TopicInput(Generic[Message]):
         now = instant()
         with self._lock:
             try:
-                if self._gate is not None and not self._gate.passes(now.monotonic_ns):
-                    raise MessageError("more messages than are read")
-                source = self._source(attachment)
+                source = self._admit(attachment, now)
                 self._use(self._decode(payload), source, now)
             except MessageError as error:
                 self.refuse(str(error))
@@ -69,22 +67,47 @@ class TopicInput(Generic[Message]):
         """Count a message that is not used."""
         self._tally.reject(self.topic, reason)
 
-    def _source(self, data: bytes) -> int:
-        """Who sent a message; one whose attachment cannot be read is used all the same, since it may be an e-stop."""
-        if not data:
+    def _admit(self, data: bytes, now: Instant) -> int:
+        """Who sent a message, if it may be read; one whose attachment cannot be read may be an e-stop, and is."""
+        attachment = None
+        if data:
+            try:
+                attachment = parse_attachment(data)
+            except MessageError as error:
+                self.refuse(f"{error}; used as from an unknown sender")
+        publisher = self._publisher(b"" if attachment is None else attachment.gid)
+        if attachment is not None:
+            self._tally.miss(self.topic, publisher.missing(attachment.sequence))
+        if publisher.gate is not None and not publisher.gate.passes(now.monotonic_ns):
+            raise MessageError("more messages than are read")
+        if attachment is None:
             return self._unknown
-        try:
-            attachment = parse_attachment(data)
-        except MessageError as error:
-            self.refuse(f"{error}; used as from an unknown sender")
-            return self._unknown
-        self._count_missing(attachment)
         return self._senders.source(self.topic, attachment.gid, attachment.source)
 
-    def _count_missing(self, attachment: Attachment) -> None:
-        last = self._numbers.pop(attachment.gid, None)
-        if last is None and len(self._numbers) >= _MOST_PUBLISHERS:
-            self._numbers.pop(next(iter(self._numbers)))
-        self._numbers[attachment.gid] = attachment.sequence
-        if last is not None and 1 < attachment.sequence - last < _LARGEST_GAP:
-            self._tally.miss(self.topic, attachment.sequence - last - 1)
+    def _publisher(self, gid: bytes) -> _Publisher:
+        """What is kept of a publisher; the one that was heard first makes room, so that nobody can fill the memory."""
+        publisher = self._publishers.get(gid)
+        if publisher is None:
+            if len(self._publishers) >= _MOST_PUBLISHERS:
+                self._publishers.pop(next(iter(self._publishers)))
+            gate = None if self._make_gate is None else self._make_gate()
+            publisher = self._publishers[gid] = _Publisher(gate)
+        return publisher
+
+
+class _Publisher:
+    """What is kept of one publisher.
+
+    Attributes:
+        gate: bounds the messages that are read of it.
+    """
+
+    def __init__(self, gate: RateGate | None) -> None:
+        self.gate = gate
+        self._last: int | None = None
+
+    def missing(self, sequence: int) -> int:
+        """How many messages are missing before the one with this number."""
+        last, self._last = self._last, sequence
+        missing = 0 if last is None else sequence - last - 1
+        return missing if 0 < missing < _LARGEST_GAP else 0

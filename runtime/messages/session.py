@@ -124,15 +124,26 @@ class RosSession:
         return token
 
     def publisher(self, topic: str, type_name: str, quality: str = DEFAULT_QUALITY) -> Publisher:
-        """A publisher; a transient local one keeps its last message for those that come later."""
+        """A publisher; a transient local one keeps its last message for those that come later.
+
+        Raises:
+            SessionError: if zenoh's configuration forbids that.
+        """
         token = self._endpoint("MP", topic, type_name, quality)
         key = data_key(self._domain, topic, type_name, self._hashes)
         drop = zenoh.CongestionControl.DROP
         publisher: Any
         if quality == TRANSIENT_LOCAL_QUALITY:
-            publisher = zenoh.ext.declare_advanced_publisher(
-                self._session, key, congestion_control=drop, cache=zenoh.ext.CacheConfig(1), publisher_detection=True
-            )
+            try:
+                publisher = zenoh.ext.declare_advanced_publisher(
+                    self._session,
+                    key,
+                    congestion_control=drop,
+                    cache=zenoh.ext.CacheConfig(1),
+                    publisher_detection=True,
+                )
+            except zenoh.ZError as error:
+                raise SessionError(f"nothing can be kept for late joiners of {topic}: {_reason(error)}") from None
         else:
             publisher = self._session.declare_publisher(key, congestion_control=drop)
         self._held.append(publisher)

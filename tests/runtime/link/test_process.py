@@ -257,7 +257,7 @@ def test_the_link_s_own_ticks_are_logged(link):
     tick, recorder = tick_record(loop), TickListener(link.directory / RECORDER_FILE)
     try:
         for _ in range(2):
-            ((channel, body),) = list(entries(recorder.receive(30.0)))
+            (channel, body), *_ = entries(recorder.receive(30.0))
             assert channel == number
             before = tick.index
             tick.load(body)
