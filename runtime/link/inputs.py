@@ -11,8 +11,8 @@ from typing import Any
 
 from runtime.executors.shared_memory import SharedWriter
 from runtime.executors.shared_ports import event_writer, latest_writer
+from runtime.link import topics as ros
 from runtime.link.event_outlet import EventOutlet
-from runtime.link.loop import INPUT_TOPICS
 from runtime.link.operator_inputs import RequestUse, VelocityUse
 from runtime.link.path_input import PathUse
 from runtime.link.rate_gate import RateGate
@@ -34,23 +34,6 @@ from runtime.robots import topics
 from runtime.robots.link_config import LinkConfig
 from runtime.signals import Request
 
-(
-    IMU,
-    LOCALIZATION,
-    SCAN,
-    POINTS,
-    BATTERY,
-    PATH,
-    PATH_SPEED,
-    CMD_VEL,
-    TELEOP,
-    E_STOP,
-    ARM,
-    MOTION,
-    RESET,
-    HEARTBEAT,
-    RELEASE,
-) = INPUT_TOPICS
 _BURST_S = 0.1
 
 
@@ -102,16 +85,16 @@ class Inputs:
         battery = BatteryUse(config, *file(latest_writer, topics.BATTERY))
         path = PathUse(config, *file(latest_writer, topics.PATH))
         capacity = records[topics.PATH].sizes["path"]
-        self._add(IMU, definitions.IMU, decode_imu, imu, config.imu_rate_max_hz)
-        self._add(LOCALIZATION, *poses[config.localization_type], pose, config.localization_rate_max_hz)
-        self._add(BATTERY, definitions.BATTERY_STATE, decode_battery_state, battery, config.battery_rate_max_hz)
-        self._add(SCAN, definitions.LASER_SCAN, decode_laser_scan, watch_scan, config.scan_rate_max_hz)
-        self._add(POINTS, definitions.POINT_CLOUD2, decode_point_cloud, watch_scan, config.scan_rate_max_hz)
+        self._add(ros.IMU, definitions.IMU, decode_imu, imu, config.imu_rate_max_hz)
+        self._add(ros.LOCALIZATION, *poses[config.localization_type], pose, config.localization_rate_max_hz)
+        self._add(ros.BATTERY, definitions.BATTERY_STATE, decode_battery_state, battery, config.battery_rate_max_hz)
+        self._add(ros.SCAN, definitions.LASER_SCAN, decode_laser_scan, watch_scan, config.scan_rate_max_hz)
+        self._add(ros.POINTS, definitions.POINT_CLOUD2, decode_point_cloud, watch_scan, config.scan_rate_max_hz)
         decode = partial(decode_path, capacity=capacity + 1)  # a closed path ends with its first point
-        self._add(PATH, definitions.PATH, decode, path, config.path_rate_max_hz)
+        self._add(ros.PATH, definitions.PATH, decode, path, config.path_rate_max_hz)
         rate_hz = config.operator_rate_max_hz
-        self._add(PATH_SPEED, definitions.FLOAT64, standard.decode_float64, path.set_speed, rate_hz)
-        for topic, priority in ((CMD_VEL, config.cmd_vel_priority), (TELEOP, config.teleop_priority)):
+        self._add(ros.PATH_SPEED, definitions.FLOAT64, standard.decode_float64, path.set_speed, rate_hz)
+        for topic, priority in ((ros.CMD_VEL, config.cmd_vel_priority), (ros.TELEOP, config.teleop_priority)):
             for name, decoder in (
                 (definitions.TWIST, decode_twist),
                 (definitions.TWIST_STAMPED, decode_twist_stamped),
@@ -120,10 +103,14 @@ class Inputs:
         self._add_requests(RequestUse(self.outlet.offer, config.operator_priority), rate_hz)
 
     def _add_requests(self, use: RequestUse, rate_hz: float) -> None:
-        self._add(E_STOP, definitions.BOOL, standard.decode_bool, use.emergency_stop, None)
-        self._add(ARM, definitions.BOOL, standard.decode_bool, use.arm, rate_hz)
-        self._add(MOTION, definitions.STRING, standard.decode_string, use.motion, rate_hz)
-        for topic, request in ((RESET, Request.RESET), (HEARTBEAT, Request.LIFE), (RELEASE, Request.RELEASE)):
+        self._add(ros.E_STOP, definitions.BOOL, standard.decode_bool, use.emergency_stop, None)
+        self._add(ros.ARM, definitions.BOOL, standard.decode_bool, use.arm, rate_hz)
+        self._add(ros.MOTION, definitions.STRING, standard.decode_string, use.motion, rate_hz)
+        for topic, request in (
+            (ros.RESET, Request.RESET),
+            (ros.HEARTBEAT, Request.LIFE),
+            (ros.RELEASE, Request.RELEASE),
+        ):
             self._add(topic, definitions.EMPTY, standard.decode_empty, use.plain(request), rate_hz)
 
     def _add(self, topic: str, type_name: str, decode: Any, use: Any, rate_hz: float | None) -> None:
@@ -135,7 +122,7 @@ class Inputs:
         """Begin to take messages."""
         session.watch_publishers(self.senders.note)
         for topic, type_name, taker in self._topics:
-            quality = SENSOR_QUALITY if topic in (IMU, SCAN, POINTS) else DEFAULT_QUALITY
+            quality = SENSOR_QUALITY if topic in (ros.IMU, ros.SCAN, ros.POINTS) else DEFAULT_QUALITY
             session.subscribe(topic, type_name, taker, quality)
 
     def close(self) -> None:

@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
+from runtime.link import topics as ros
 from runtime.link.clocks import Instant
 from runtime.link.control_monitor import ControlMonitor
 from runtime.link.diagnosis import Diagnosis
@@ -67,17 +68,19 @@ class Outputs:
 
         self._signals = (
             signal(
-                "/joint_states",
+                ros.JOINT_STATES,
                 definitions.JOINT_STATE,
                 config.joint_states_hz,
                 topics.JOINT_STATE,
                 JointState,
                 joints.encode,
             ),
-            signal("/odom", definitions.ODOMETRY, config.odometry_hz, topics.BODY_STATE, BodyState, odometry.encode),
-            signal("/tf", definitions.TF, config.odometry_hz, topics.BODY_STATE, BodyState, transform.encode),
             signal(
-                "/battery_state",
+                ros.ODOMETRY, definitions.ODOMETRY, config.odometry_hz, topics.BODY_STATE, BodyState, odometry.encode
+            ),
+            signal(ros.TF, definitions.TF, config.odometry_hz, topics.BODY_STATE, BodyState, transform.encode),
+            signal(
+                ros.BATTERY_STATE,
                 definitions.BATTERY_STATE,
                 config.battery_hz,
                 topics.BATTERY,
@@ -85,16 +88,16 @@ class Outputs:
                 battery.encode,
             ),
         )
-        self._diagnostics = session.publisher("/diagnostics", definitions.DIAGNOSTIC_ARRAY)
-        self._state = session.publisher("/ugv/state", definitions.STRING)
-        self._loops = session.publisher("/ugv/loops", definitions.STRING)
+        self._diagnostics = session.publisher(ros.DIAGNOSTICS, definitions.DIAGNOSTIC_ARRAY)
+        self._state = session.publisher(ros.STATE, definitions.STRING)
+        self._loops = session.publisher(ros.LOOPS, definitions.STRING)
         self._state_gate = RateGate(config.state_hz, _BURST)
         self._diagnostics_gate = RateGate(config.diagnostics_hz, _BURST)
         self._told = ("", "")
         self._sent_ns: dict[Any, int] = {}
         kept = TRANSIENT_LOCAL_QUALITY
-        session.publisher("/tf_static", definitions.TF, kept).put(encode_fixed(now.unix_ns, base, config.imu_frame))
-        session.publisher("/robot_description", definitions.STRING, kept).put(encode_string(description))
+        session.publisher(ros.TF_STATIC, definitions.TF, kept).put(encode_fixed(now.unix_ns, base, config.imu_frame))
+        session.publisher(ros.ROBOT_DESCRIPTION, definitions.STRING, kept).put(encode_string(description))
 
     def publish(self, now: Instant, link: Callable[[], dict[str, object]]) -> None:
         """Send what is due.

@@ -22,9 +22,10 @@ from runtime.link.clocks import ClockWatch, instant
 from runtime.link.control_monitor import ControlMonitor
 from runtime.link.diagnosis import Diagnosis
 from runtime.link.inputs import Inputs
-from runtime.link.loop import INPUT_TOPICS, STATUS, LinkStatus, link_loop
+from runtime.link.loop import STATUS, LinkStatus, link_loop
 from runtime.link.outputs import Outputs
 from runtime.link.setup import LinkSetup
+from runtime.link.topics import TAKEN
 from runtime.messages.session import RosSession, session_config
 from runtime.records import Record
 from runtime.robots import topics
@@ -96,7 +97,7 @@ class _Carrier:
         self._monitor = ControlMonitor(manifest_of(setup.loops))
         self._clocks = ClockWatch()
         self._tick = tick_record(self._loop)
-        self._status = LinkStatus(STATUS, {"input": len(INPUT_TOPICS)})
+        self._status = LinkStatus(STATUS, {"input": len(TAKEN)})
         self._told = b""
         manifest = manifest_of((*setup.loops, self._loop))
         self._channels = {channel.record.topic: channel.number for channel in manifest.channels}
@@ -142,8 +143,8 @@ class _Carrier:
         by_topic = Counter[str]()
         for (topic, _), number in rejected.items():
             by_topic[topic] += number
-        status.rejected[:] = [by_topic[topic] for topic in INPUT_TOPICS]
-        status.lost[:] = [lost.get(topic, 0) for topic in INPUT_TOPICS]
+        status.rejected[:] = [by_topic[topic] for topic in TAKEN]
+        status.lost[:] = [lost.get(topic, 0) for topic in TAKEN]
         status.merged, status.malformed = self._inputs.outlet.merged, self._monitor.malformed
         status.clock_steps, status.suspends = self._clocks.steps, self._clocks.suspends
         entry = self._entry(status)

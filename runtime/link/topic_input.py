@@ -15,7 +15,7 @@ from runtime.messages.attachment import parse_attachment
 from runtime.messages.errors import MessageError
 
 Message = TypeVar("Message")
-_MOST_PUBLISHERS = 32
+_MOST_PUBLISHERS, _FORGOTTEN_NS = 32, 10_000_000_000
 _LARGEST_GAP = 1_000_000
 """A larger jump of the numbers is not a loss but a publisher that counts in another way."""
 
@@ -47,6 +47,7 @@ class TopicInput(Generic[Message]):
         self._tally, self._senders = tally, senders
         self._unknown = number_of(topic)
         self._publishers: dict[bytes, _Publisher] = {}
+        self._crowd = self._new()
         self._lock = threading.Lock()
 
     def receive(self, payload: bytes, attachment: bytes) -> None:
@@ -75,8 +76,8 @@ class TopicInput(Generic[Message]):
                 attachment = parse_attachment(data)
             except MessageError as error:
                 self.refuse(f"{error}; used as from an unknown sender")
-        publisher = self._publisher(b"" if attachment is None else attachment.gid)
-        if attachment is not None:
+        publisher = self._publisher(b"" if attachment is None else attachment.gid, now.monotonic_ns)
+        if attachment is not None and publisher is not self._crowd:
             self._tally.miss(self.topic, publisher.missing(attachment.sequence))
         if publisher.gate is not None and not publisher.gate.passes(now.monotonic_ns):
             raise MessageError("more messages than are read")
@@ -84,15 +85,21 @@ class TopicInput(Generic[Message]):
             return self._unknown
         return self._senders.source(self.topic, attachment.gid, attachment.source)
 
-    def _publisher(self, gid: bytes) -> _Publisher:
-        """What is kept of a publisher; the one that was heard first makes room, so that nobody can fill the memory."""
+    def _publisher(self, gid: bytes, now_ns: int) -> _Publisher:
+        """What is kept of a publisher; while too many are heard, newcomers are bounded together."""
         publisher = self._publishers.get(gid)
         if publisher is None:
             if len(self._publishers) >= _MOST_PUBLISHERS:
-                self._publishers.pop(next(iter(self._publishers)))
-            gate = None if self._make_gate is None else self._make_gate()
-            publisher = self._publishers[gid] = _Publisher(gate)
+                silent = [gid for gid, known in self._publishers.items() if now_ns - known.heard_ns > _FORGOTTEN_NS]
+                if not silent:
+                    return self._crowd
+                del self._publishers[silent[0]]
+            publisher = self._publishers[gid] = self._new()
+        publisher.heard_ns = now_ns
         return publisher
+
+    def _new(self) -> _Publisher:
+        return _Publisher(None if self._make_gate is None else self._make_gate())
 
 
 class _Publisher:
@@ -100,10 +107,11 @@ class _Publisher:
 
     Attributes:
         gate: bounds the messages that are read of it.
+        heard_ns: when it was last heard.
     """
 
     def __init__(self, gate: RateGate | None) -> None:
-        self.gate = gate
+        self.gate, self.heard_ns = gate, 0
         self._last: int | None = None
 
     def missing(self, sequence: int) -> int:
