@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 from runtime.link.control_monitor import ControlMonitor
@@ -24,6 +25,11 @@ from runtime.signals import (
     Mode,
     SafetyStatus,
 )
+
+
+def member_name(kind: type[IntEnum], number: int) -> str:
+    """Name of an enumeration's member, or the number if it has none."""
+    return next((member.name.lower() for member in kind if member == number), str(number))
 
 
 def fault_names(bits: int) -> str:
@@ -59,7 +65,7 @@ class Diagnosis:
         safety = self.monitor.newest(topics.SAFETY, SafetyStatus)
         if safety is None:
             return "unknown", "none"
-        return Mode(safety.mode).name.lower(), fault_names(safety.fault)
+        return member_name(Mode, safety.mode), fault_names(safety.fault)
 
     def statuses(self, now_ns: int, link: Mapping[str, object]) -> list[Status]:
         """Every part's status.
@@ -113,7 +119,7 @@ class Diagnosis:
     def _buses(self, buses: BusStatus) -> Iterator[Status]:
         counters = ("refused", "failed", "malformed", "errors", "overflow", "purged")
         for number, state in enumerate(buses.state.tolist()):
-            name = BusState(state).name.lower() if state in iter(BusState) else str(state)
+            name = member_name(BusState, state)
             counts = {counter: int(getattr(buses, counter)[number]) for counter in counters}
             yield self._counted(f"bus {number}", counts, {"state": name}, state != BusState.UP, name)
 

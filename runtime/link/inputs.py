@@ -106,11 +106,8 @@ class Inputs:
         self._add(ros.E_STOP, definitions.BOOL, standard.decode_bool, use.emergency_stop, None)
         self._add(ros.ARM, definitions.BOOL, standard.decode_bool, use.arm, rate_hz)
         self._add(ros.MOTION, definitions.STRING, standard.decode_string, use.motion, rate_hz)
-        for topic, request in (
-            (ros.RESET, Request.RESET),
-            (ros.HEARTBEAT, Request.LIFE),
-            (ros.RELEASE, Request.RELEASE),
-        ):
+        plain = {ros.RESET: Request.RESET, ros.HEARTBEAT: Request.LIFE, ros.RELEASE: Request.RELEASE}
+        for topic, request in plain.items():
             self._add(topic, definitions.EMPTY, standard.decode_empty, use.plain(request), rate_hz)
 
     def _add(self, topic: str, type_name: str, decode: Any, use: Any, rate_hz: float | None) -> None:

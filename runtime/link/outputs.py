@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 from runtime.link import topics as ros
 from runtime.link.clocks import Instant
@@ -18,7 +18,7 @@ from runtime.messages.diagnostics import encode_diagnostics
 from runtime.messages.joint_state import JointStateMessage
 from runtime.messages.keys import TRANSIENT_LOCAL_QUALITY
 from runtime.messages.odometry import OdometryMessage
-from runtime.messages.session import RosSession
+from runtime.messages.session import Publisher, RosSession
 from runtime.messages.standard import encode_string
 from runtime.messages.transform import TransformMessage, encode_fixed
 from runtime.records import Record
@@ -26,10 +26,37 @@ from runtime.robots import topics
 from runtime.robots.link_config import LinkConfig
 from runtime.signals import Battery, BodyCommand, BodyState, JointState
 
-AnyRecord = TypeVar("AnyRecord", bound=Record)
 _DIGITS = 4
 _BURST = 2
 """So that a tick of the link that comes a little early still counts."""
+
+
+class SignalOutput:
+    """A topic that is made of one signal.
+
+    Args:
+        publisher: of the topic.
+        hz: messages a second, at most.
+        source: the signal's topic.
+        kind: of its records.
+        encode: makes the message.
+    """
+
+    def __init__(
+        self, publisher: Publisher, hz: int, source: str, kind: type[Record], encode: Callable[[Any], bytes]
+    ) -> None:
+        self._publisher, self._gate = publisher, RateGate(hz, _BURST)
+        self._source, self._kind, self._encode = source, kind, encode
+        self._sent_ns = -1
+
+    def publish(self, monitor: ControlMonitor, now: Instant) -> None:
+        """Send the newest record if it was not sent yet and it is time."""
+        record: Any = monitor.newest(self._source, self._kind)
+        if record is None or record.stamp_ns == self._sent_ns or not self._gate.passes(now.monotonic_ns):
+            return
+        self._sent_ns = record.stamp_ns
+        record.stamp_ns = max(0, now.unix(record.stamp_ns))
+        self._publisher.put(self._encode(record))
 
 
 class Outputs:
@@ -59,42 +86,24 @@ class Outputs:
     ) -> None:
         self._robot, self._monitor, self._diagnosis = robot, monitor, diagnosis
         odom, base = config.odom_frame, config.base_frame
-        joints, battery = JointStateMessage(joint_names, base), BatteryMessage(base)
-        odometry, transform = OdometryMessage(odom, base), TransformMessage(odom, base)
-
-        def signal(topic: str, type_name: str, hz: int, source: str, kind: Any, encode: Any) -> Callable[..., None]:
-            put, gate = session.publisher(topic, type_name).put, RateGate(hz, _BURST)
-            return lambda at: self._pass_on(put, gate, source, kind, encode, at)
-
-        self._signals = (
-            signal(
-                ros.JOINT_STATES,
-                definitions.JOINT_STATE,
-                config.joint_states_hz,
-                topics.JOINT_STATE,
-                JointState,
-                joints.encode,
-            ),
-            signal(
-                ros.ODOMETRY, definitions.ODOMETRY, config.odometry_hz, topics.BODY_STATE, BodyState, odometry.encode
-            ),
-            signal(ros.TF, definitions.TF, config.odometry_hz, topics.BODY_STATE, BodyState, transform.encode),
-            signal(
-                ros.BATTERY_STATE,
-                definitions.BATTERY_STATE,
-                config.battery_hz,
-                topics.BATTERY,
-                Battery,
-                battery.encode,
-            ),
+        joints, battery = JointStateMessage(joint_names, base).encode, BatteryMessage(base).encode
+        odometry, transform = OdometryMessage(odom, base).encode, TransformMessage(odom, base).encode
+        rows: tuple[tuple[str, str, int, str, type[Record], Callable[[Any], bytes]], ...] = (
+            (ros.JOINT_STATES, definitions.JOINT_STATE, config.joint_states_hz, topics.JOINT_STATE, JointState, joints),
+            (ros.ODOMETRY, definitions.ODOMETRY, config.odometry_hz, topics.BODY_STATE, BodyState, odometry),
+            (ros.TF, definitions.TF, config.odometry_hz, topics.BODY_STATE, BodyState, transform),
+            (ros.BATTERY_STATE, definitions.BATTERY_STATE, config.battery_hz, topics.BATTERY, Battery, battery),
         )
+        self._signals = [
+            SignalOutput(session.publisher(topic, name), hz, source, kind, encode)
+            for topic, name, hz, source, kind, encode in rows
+        ]
         self._diagnostics = session.publisher(ros.DIAGNOSTICS, definitions.DIAGNOSTIC_ARRAY)
         self._state = session.publisher(ros.STATE, definitions.STRING)
         self._loops = session.publisher(ros.LOOPS, definitions.STRING)
         self._state_gate = RateGate(config.state_hz, _BURST)
         self._diagnostics_gate = RateGate(config.diagnostics_hz, _BURST)
         self._told = ("", "")
-        self._sent_ns: dict[Any, int] = {}
         kept = TRANSIENT_LOCAL_QUALITY
         session.publisher(ros.TF_STATIC, definitions.TF, kept).put(encode_fixed(now.unix_ns, base, config.imu_frame))
         session.publisher(ros.ROBOT_DESCRIPTION, definitions.STRING, kept).put(encode_string(description))
@@ -107,7 +116,7 @@ class Outputs:
             link: gives figures of the link itself.
         """
         for signal in self._signals:
-            signal(now)
+            signal.publish(self._monitor, now)
         state = self._diagnosis.state(now.monotonic_ns)
         if self._state_gate.passes(now.monotonic_ns) or state != self._told:
             self._state.put(encode_string(json.dumps(self._summary(state))))
@@ -117,23 +126,6 @@ class Outputs:
             loops = {name: loop.figures() for name, loop in self._monitor.loops.items()}
             self._loops.put(encode_string(json.dumps(loops)))
         self._told = state
-
-    def _pass_on(
-        self,
-        put: Callable[[bytes], None],
-        gate: RateGate,
-        source: str,
-        kind: type[Any],
-        encode: Callable[[Any], bytes],
-        now: Instant,
-    ) -> None:
-        """Send the newest record of a signal if there is a new one and it is time."""
-        record = self._monitor.newest(source, kind)
-        if record is None or record.stamp_ns == self._sent_ns.get(put) or not gate.passes(now.monotonic_ns):
-            return
-        self._sent_ns[put] = record.stamp_ns
-        record.stamp_ns = max(0, now.unix(record.stamp_ns))
-        put(encode(record))
 
     def _summary(self, state: tuple[str, str]) -> dict[str, object]:
         """The robot's state in words and a few figures."""

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the link makes of the ticks of the control loops, and what it says of them."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from runtime.executors.tick import ENTRY, Tick, manifest_of
+from runtime.link.control_monitor import ControlMonitor
+from runtime.link.diagnosis import Diagnosis, fault_names
+from runtime.link.tally import Tally
+from runtime.messages.diagnostics import Level
+from runtime.robots import topics
+from runtime.signals import BusState, BusStatus, Fault, Imu, JointState, Mode, SafetyStatus
+from runtime.tasks import Loop
+
+SIZES = {"joint": 2, "bus": 2}
+IMU, SAFETY = Imu(topics.IMU), SafetyStatus(topics.SAFETY)
+JOINTS, BUSES = JointState(topics.JOINT_STATE, SIZES), BusStatus(topics.BUS_STATUS, SIZES)
+LOOP = Loop("wbc", 2_000_000, 1_000_000, 80, (IMU, SAFETY, JOINTS, BUSES), (), (), ())
+MANIFEST = manifest_of((LOOP,))
+SILENT_NS = 500_000_000
+
+
+def datagram(index: int, *records, now_ns: int = 0, **tick_fields: int) -> bytes:
+    tick = Tick("/ugv/tick/wbc", {"received": 0})
+    tick.index, tick.now_ns = index, now_ns
+    for name, value in tick_fields.items():
+        setattr(tick, name, value)
+    parts = []
+    for record in (tick, *records):
+        body = record.to_bytes()
+        parts.append(ENTRY.pack(MANIFEST.of_topic(record.topic).number, len(body)) + body)
+    return b"".join(parts)
+
+
+@pytest.fixture
+def monitor() -> ControlMonitor:
+    return ControlMonitor(MANIFEST)
+
+
+@pytest.fixture
+def diagnosis(monitor) -> Diagnosis:
+    return Diagnosis(monitor, Tally(), SILENT_NS)
+
+
+def part(diagnosis: Diagnosis, name: str, now_ns: int = 0):
+    return next(status for status in diagnosis.statuses(now_ns, {}) if status.name == name)
+
+
+def test_skipped_and_missing_ticks_are_told_apart(monitor):
+    for index, skipped in ((0, 0), (1, 0), (4, 2), (7, 1)):
+        monitor.take(datagram(index, skipped=skipped, wake_latency_ns=1000 * index, compute_ns=5000), 0)
+    figures = monitor.loops["wbc"].figures()
+    assert (figures["ticks"], figures["skipped"], figures["missed"]) == (4, 3, 1)
+    assert figures["wake_us_max"] == 7.0
+    assert figures["compute_us_p50"] == 5.0
+
+
+def test_the_age_at_which_samples_are_used_is_kept(monitor):
+    imu = IMU.like()
+    imu.stamp_ns = 1_000
+    monitor.take(datagram(0, imu, now_ns=301_000), 0)
+    monitor.take(datagram(1, now_ns=999_000), 0)
+    assert list(monitor.imu_age_ns) == [300_000], "a tick without a sample tells nothing of ages"
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=300))
+def test_any_datagram_is_taken_or_counted(data):
+    monitor = ControlMonitor(MANIFEST)
+    monitor.take(data, 5)
+    assert monitor.malformed == 1
+    assert monitor.last_ns is None
+
+
+@settings(deadline=None)
+@given(st.data())
+def test_a_damaged_datagram_is_taken_or_counted(data):
+    whole = bytearray(datagram(3, IMU, SAFETY))
+    whole[data.draw(st.integers(0, len(whole) - 1))] = data.draw(st.integers(0, 255))
+    monitor = ControlMonitor(MANIFEST)
+    monitor.take(bytes(whole[: data.draw(st.integers(0, len(whole)))]), 5)
+    assert monitor.malformed + monitor.loops["wbc"].ticks == 1
+
+
+def test_silence_is_an_error_before_the_first_tick_and_after_the_last(monitor, diagnosis):
+    assert diagnosis.state(0) == ("silent", "none")
+    safety = SAFETY.like()
+    safety.mode = Mode.ACTIVE
+    monitor.take(datagram(0, safety), 1_000)
+    assert diagnosis.state(1_000 + SILENT_NS) == ("active", "none")
+    assert part(diagnosis, "control").level == Level.OK
+    assert diagnosis.state(1_001 + SILENT_NS) == ("silent", "none")
+    assert part(diagnosis, "control", 1_001 + SILENT_NS).level == Level.ERROR
+
+
+def test_damping_is_an_error_with_its_faults_and_a_warning_a_warning(monitor, diagnosis):
+    safety = SAFETY.like()
+    safety.mode, safety.warning = Mode.ACTIVE, Fault.STALE_LOCALIZATION
+    monitor.take(datagram(0, safety), 0)
+    told = part(diagnosis, "control")
+    assert (told.level, told.message) == (Level.WARN, "active, warning: stale_localization")
+    safety.mode, safety.fault = Mode.DAMPED, Fault.TILT | Fault.MOTOR_FAULT
+    monitor.take(datagram(1, safety), 0)
+    told = part(diagnosis, "control")
+    assert (told.level, told.message) == (Level.ERROR, "damped: tilt motor_fault")
+
+
+def test_a_mode_that_nobody_knows_does_not_stop_the_link(monitor, diagnosis):
+    safety = SAFETY.like()
+    safety.mode = 77
+    monitor.take(datagram(0, safety), 0)
+    assert diagnosis.state(0)[0] == "77"
+
+
+def test_every_bus_that_is_not_up_is_an_error(monitor, diagnosis):
+    buses = BUSES.like()
+    buses.state = (BusState.UP, BusState.OFF)
+    buses.purged = (0, 3)
+    monitor.take(datagram(0, buses), 0)
+    assert part(diagnosis, "bus 0").level == Level.OK
+    told = part(diagnosis, "bus 1")
+    assert told.level == Level.ERROR
+    assert told.values["state"] == "off"
+    assert told.values["purged"] == 3
+
+
+def test_a_counter_warns_once_after_it_has_grown(monitor, diagnosis):
+    joints = JOINTS.like()
+    joints.temperature = (math.nan, 40.0)
+    joints.rejected = 2
+    monitor.take(datagram(0, joints), 0)
+    assert part(diagnosis, "joints").level == Level.WARN
+    assert part(diagnosis, "joints").level == Level.OK
+    joints.rejected = 3
+    monitor.take(datagram(1, joints, dropped=4), 0)
+    assert part(diagnosis, "joints").message == "more: rejected_frames"
+    assert part(diagnosis, "loop wbc").values["recorder_drops"] == 4
+
+
+def test_rejections_are_told_by_topic_and_reason(monitor):
+    tally = Tally()
+    diagnosis = Diagnosis(monitor, tally, SILENT_NS)
+    tally.accept("/imu/data", 10)
+    tally.reject("/imu/data", "the stamp is too old")
+    tally.reject("/imu/data", "the stamp is too old")
+    tally.miss("/path", 3)
+    imu = part(diagnosis, "input /imu/data", 2_000_010)
+    assert imu.level == Level.WARN
+    assert imu.values == {"accepted": 1, "age_ms": 2.0, "the stamp is too old": 2, "lost": 0}
+    tally.reject("/imu/data", "the stamp is too old")
+    paths = part(diagnosis, "input /path")
+    assert (paths.level, paths.values["lost"]) == (Level.OK, 3), "told a moment ago"
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_every_fault_has_a_name(bits):
+    names = fault_names(bits).split()
+    assert (names == ["none"]) == (bits == 0)
+    assert len(names) == max(1, sum(bool(bits & fault) for fault in Fault) + bool(bits & ~sum(Fault)))
