@@ -174,6 +174,11 @@ class QuadrupedWorld:
         return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
     @property
+    def joint_angles(self) -> Array:
+        """True joint positions, rad; a view."""
+        return self._joint_position
+
+    @property
     def tilt(self) -> float:
         """True angle between the trunk's z axis and the vertical, rad."""
         _, x, y, _ = self._quaternion_wxyz.tolist()

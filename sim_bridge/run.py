@@ -29,6 +29,7 @@ from runtime.recording.metrics import path_metrics, push_recovery
 from runtime.recording.recorder import RecorderProcess
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup
 from runtime.robots import load_configuration, topics
+from runtime.robots.fresh_frames import FreshFrames
 from runtime.robots.robot import Robot
 from runtime.robots.uslgo1.assembly import PATH_CAPACITY, assemble
 from runtime.robots.uslgo1.config import Uslgo1Config
@@ -80,6 +81,7 @@ class Wired(NamedTuple):
     robot: Robot
     world: QuadrupedWorld
     terrain: HeightField
+    bus: MemoryBus
     inputs: dict[str, InputPort]
     outputs: dict[str, OutputPort]
 
@@ -101,7 +103,8 @@ def world_of(config: Uslgo1Config, course: Scenario, terrain: HeightField, wires
     )
 
 
-def _wire(config: Uslgo1Config, course: Scenario, seed: int) -> Wired:
+def wire(config: Uslgo1Config, course: Scenario, seed: int) -> Wired:
+    """A robot at the start of a scenario, and the far end of all its wires."""
     terrain = course.terrain(seed)
     assembled = assemble(config)
     bus = MemoryBus(config.drives.buses, config.drives.bit_rate_hz)
@@ -116,14 +119,15 @@ def _wire(config: Uslgo1Config, course: Scenario, seed: int) -> Wired:
         topics.OPERATOR_EVENT: ScriptedOperator(course, config.posture.rise_s),
         topics.PATH: ScriptedPath(course),
     }
-    return Wired(assembled, world, terrain, inputs, {topics.CAN_SENT: MemoryWriter(bus)})
+    outlet = FreshFrames(MemoryWriter(bus), config.drives.command_age_max_ns)
+    return Wired(assembled, world, terrain, bus, inputs, {topics.CAN_SENT: outlet})
 
 
 @cache
 def rehearse(robot: str, estimator: str, controller: str) -> None:
     """Walk a few steps in vain: what is compiled or loaded at first use belongs to the times of no run."""
     config = load_configuration(robot, {"variant.estimator": estimator, "variant.controller": controller})
-    wired = _wire(config, scenario_named(WARM_UP_SCENARIO), 0)
+    wired = wire(config, scenario_named(WARM_UP_SCENARIO), 0)
     executor = Lockstep(wired.robot.loops, wired.inputs, wired.outputs, wired.world, NullSink())
     executor.run(WARM_UP_NS, lambda now_ns: False)
 
@@ -163,7 +167,7 @@ def run_scenario(
     config = load_configuration(robot, chosen)
     course = chosen_scenario(scenario, config, seed)
     rehearse(robot, estimator, controller)
-    wired = _wire(config, course, seed)
+    wired = wire(config, course, seed)
     assembled = wired.robot
     written = {record.topic: record for loop in assembled.loops for record in loop.writes}
     observer = Observer(wired.world, written, config, course, until_s, progress)

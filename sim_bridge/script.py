@@ -64,6 +64,7 @@ class ScriptedOperator:
             return False
         _, request, motion = self._waiting.popleft()
         self._sequence += 1
+        record.clear()
         record.stamp_ns, record.sequence, record.source, record.priority = now_ns, self._sequence, SOURCE, PRIORITY
         record.request, record.motion = request, motion
         return True

@@ -27,7 +27,7 @@ class StandingMemory(Record):
 def take_place(memories: Sequence[StandingMemory], bodies: Sequence[BodyState]) -> None:
     """Remember where the robot has come to stand."""
     memory, body = memories[0], bodies[0]
-    memory.x, memory.y = np.mean(body.foot_position[0::3]), np.mean(body.foot_position[1::3])
+    memory.x, memory.y = float(np.mean(body.foot_position[0::3])), float(np.mean(body.foot_position[1::3]))
     memory.yaw = yaw_of_quaternion(body.orientation)
 
 

@@ -74,11 +74,23 @@ class SafetyTask(Task):
     ) -> None:
         self._config, self._derating = config, derating_faults(config)
         self._operator, self._posture, self._gait, self._status = operator, posture, gait, status
-        watched = imu, joints, body, battery, buses, timing, operator, body_command, gait, forces, command
+        watched = (imu, joints, body, battery, buses, timing, operator, body_command, gait, forces, command)
         self.reads, self.writes = (*watched, posture), (output, status)
         self.state: SafetyMemory = SafetyMemory("/ugv/state/safety", output.sizes)
         parameters, low, high = table_of(config), *joint_bounds(config)
-        inputs = Inputs(*(record.table for record in watched))
+        inputs = Inputs(
+            imu.table,
+            joints.table,
+            body.table,
+            battery.table,
+            buses.table,
+            timing.table,
+            operator.table,
+            body_command.table,
+            gait.table,
+            forces.table,
+            command.table,
+        )
         self._faults = partial(faults, parameters, table_of(inertial), low, high, self.state.table, inputs)
         effort_step = config.effort_rate_max_nmps * period_ns * 1e-9
         self._filter = partial(

@@ -7,45 +7,53 @@ import pytest
 
 from runtime.robots import load_configuration
 from runtime.robots.uslgo1.assembly import sizes
-from runtime.signals import Motion, OperatorRequest, Path
+from runtime.signals import Motion, OperatorEvent, Path, Request
 from sim_bridge.courses import scenario
-from sim_bridge.script import PERIOD_NS, WALK_NS, ScriptedOperator, ScriptedPath
+from sim_bridge.script import ARM_NS, PERIOD_NS, STAND_NS, WALK_NS, ScriptedOperator, ScriptedPath
 
 CONFIG = load_configuration("uslgo1")
 MS = 1_000_000
 
 
 def day(name, seconds):
-    """(time, motion, arm) whenever the operator speaks."""
-    port, record, said = ScriptedOperator(scenario(name), CONFIG.posture.rise_s), OperatorRequest("/operator"), []
+    """(time, request, motion) whenever the operator speaks."""
+    port, record, said = ScriptedOperator(scenario(name), CONFIG.posture.rise_s), OperatorEvent("/event"), []
     for now_ns in range(0, int(seconds * 1e9), 2 * MS):
         if port.read(record, now_ns):
             assert record.stamp_ns == now_ns
-            assert not record.reset
-            said.append((now_ns, Motion(record.motion), bool(record.arm)))
+            said.append((now_ns, Request(record.request), Motion(record.motion)))
+            assert record.sequence == len(said)
     return said
+
+
+def orders(name, seconds):
+    return [row for row in day(name, seconds) if row[1] != Request.LIFE]
 
 
 @pytest.mark.parametrize("name", ["flat", "stand"])
 def test_signs_of_life_come_often_enough_for_the_watchdog(name):
     times = [row[0] for row in day(name, 10.0)]
-    assert max(b - a for a, b in itertools.pairwise(times)) <= PERIOD_NS < CONFIG.safety.command_age_max_ns
+    assert max(b - a for a, b in itertools.pairwise(times)) <= PERIOD_NS + 2 * MS < CONFIG.authority.lease_ns
 
 
 def test_a_walk_is_armed_stood_and_started():
-    changes = []
-    for now_ns, motion, armed in day("flat", 5.0):
-        assert armed == (motion != Motion.REST)
-        if not changes or changes[-1][1] != motion:
-            changes.append((now_ns, motion))
-    assert [motion for _, motion in changes] == [Motion.REST, Motion.STAND, Motion.WALK]
-    assert changes[-1][0] == WALK_NS
+    assert orders("flat", 5.0) == [
+        (STAND_NS, Request.MOTION, Motion.STAND),
+        (ARM_NS, Request.ARM, Motion.REST),
+        (WALK_NS, Request.MOTION, Motion.WALK),
+    ]
 
 
 def test_without_a_path_the_robot_stands_up_stands_and_sits_down():
-    motions = [motion for _, motion, _ in day("stand", 10.0)]
-    order = [motion for index, motion in enumerate(motions) if not index or motions[index - 1] != motion]
-    assert order == [Motion.REST, Motion.STAND, Motion.SIT]
+    said = [(request, motion) for _, request, motion in orders("stand", 10.0)]
+    assert said == [(Request.MOTION, Motion.STAND), (Request.ARM, Motion.REST), (Request.MOTION, Motion.SIT)]
+
+
+@pytest.mark.parametrize("name", ["flat", "stand"])
+def test_what_is_said_does_not_depend_on_how_often_one_listens(name):
+    operator = ScriptedOperator(scenario(name), CONFIG.posture.rise_s)
+    pieces = [operator.events(from_ns, from_ns + 7 * MS) for from_ns in range(0, 7000 * MS, 7 * MS)]
+    assert [event for piece in pieces for event in piece] == operator.events(0, 7000 * MS)
 
 
 def test_the_path_is_given_once_and_is_the_scenarios():

@@ -9,6 +9,7 @@ from runtime import signals
 from runtime.estimation import kalman
 from runtime.estimation.contact import normal_force
 from runtime.estimation.kalman_task import KalmanTask
+from runtime.models.inertial import InertialConfig
 from runtime.models.leg_dynamics import LegDynamics
 from runtime.models.leg_kinematics import LegKinematics
 from runtime.models.rigid_body import GRAVITY
@@ -42,7 +43,9 @@ class Rig:
         self.imu, self.pose = signals.Imu("/imu"), signals.Pose("/pose")
         self.joints, self.gait = signals.JointState("/joints", SIZES), signals.Gait("/gait", SIZES)
         self.body = signals.BodyState("/body", SIZES)
-        self.task = KalmanTask(ROBOT, config, PERIOD_NS, self.imu, self.joints, self.pose, self.gait, self.body)
+        self.operator = signals.OperatorRequest("/operator")
+        records = self.imu, self.joints, self.pose, self.gait, self.operator, self.body
+        self.task = KalmanTask(ROBOT, config, InertialConfig(), PERIOD_NS, *records)
         self.joints.position = ROBOT.standing_angles(0.29)
         self.imu.linear_acceleration = (0.0, 0.0, GRAVITY)
         self.now_ns = 1000 * MS

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from runtime.signals import BodyCommand, BodyState, Path
+from runtime.signals import BodyCommand, BodyState, OperatorRequest, Path, SafetyStatus
 from runtime.tracking.paths import Polyline
 from runtime.tracking.tracker import PathTracker, TrackerConfig
 
@@ -45,7 +45,8 @@ class Drive:
     def __post_init__(self) -> None:
         self.path, self.body = Path("path", SIZES), BodyState("body", SIZES)
         self.command = BodyCommand("command", SIZES)
-        self.tracker = PathTracker(self.path, self.body, self.command, self.config)
+        self.request, self.safety = OperatorRequest("request"), SafetyStatus("safety")
+        self.tracker = PathTracker(self.path, self.body, self.request, self.safety, self.command, self.config)
         self.x, self.y, self.yaw = self.start
         self.v = self.w = 0.0
         self.ticks = 0

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Operators that fall silent, fight for the robot, stop it, or talk nonsense."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from runtime.records import Record
+from runtime.robots import topics
+from runtime.signals import Motion, OperatorEvent, Path, Request
+from sim_bridge.faults.sensors import silent
+from sim_bridge.faults.wires import Inject, Wires
+from sim_bridge.script import PRIORITY, SOURCE
+
+
+def _insert(wires: Wires, topic: str, at_ns: int, acts: list[Callable[[Any], None]]) -> None:
+    """Put records of one's own before those of a port, from a time on, one a read."""
+    port, acts = wires.inputs[topic], list(acts)
+
+    class Inserted:
+        def read(self, record: Record, now_ns: int) -> bool:
+            if now_ns < at_ns or not acts:
+                return port.read(record, now_ns)
+            record.stamp_ns = now_ns  # type: ignore[attr-defined]
+            acts.pop(0)(record)
+            return True
+
+    wires.inputs[topic] = Inserted()
+
+
+def says(request: Request, motion: Motion = Motion.REST, source: int = SOURCE, priority: int = PRIORITY) -> Any:
+    """Something that fills an event."""
+
+    def act(event: OperatorEvent) -> None:
+        event.request, event.motion, event.source, event.priority = request, motion, source, priority
+        event.velocity = 0.0
+
+    return act
+
+
+def operator_says(*acts: Callable[[OperatorEvent], None]) -> Inject:
+    """Events, one after the other; then nothing but them until the end."""
+
+    def inject(wires: Wires, begin_ns: int, end_ns: int) -> None:
+        silent(topics.OPERATOR_EVENT)(wires, begin_ns, end_ns)
+        _insert(wires, topics.OPERATOR_EVENT, begin_ns, list(acts))
+
+    return inject
+
+
+def interrupted(*acts: Callable[[OperatorEvent], None]) -> Inject:
+    """Events of others among those of the operator."""
+
+    def inject(wires: Wires, begin_ns: int, end_ns: int) -> None:
+        _insert(wires, topics.OPERATOR_EVENT, begin_ns, list(acts))
+
+    return inject
+
+
+def walks_again(wires: Wires, at_ns: int) -> None:
+    """The operator asks to walk anew, once there is a robot to ask."""
+    _insert(wires, topics.OPERATOR_EVENT, at_ns, [says(Request.MOTION, Motion.WALK)])
+
+
+def bad_path(wires: Wires, begin_ns: int, end_ns: int) -> None:
+    """A path arrives that cannot be followed."""
+
+    def act(path: Path) -> None:
+        path.count, path.speed = 3, 0.5
+        path.x[:3], path.y[:3] = (0.0, np.nan, 1.0), 0.0
+
+    _insert(wires, topics.PATH, begin_ns, [act])
+
+
+def nonsense(event: OperatorEvent) -> None:
+    """A request that there is none of."""
+    event.request = 200
+
+
+def not_a_number(event: OperatorEvent) -> None:
+    """A velocity that is no number."""
+    event.request, event.velocity = Request.VELOCITY, np.nan
+
+
+def from_long_ago(event: OperatorEvent) -> None:
+    """An event that was long on its way."""
+    event.request, event.motion = Request.MOTION, Motion.SIT
+    event.stamp_ns -= 10_000_000_000

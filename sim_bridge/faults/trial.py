@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One fault in one walk: what the robot did about it, how soon, and whether its joints stayed within their limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from drivers.memory_ports import MemoryWriter
+from runtime.configuration import dump
+from runtime.executors.lockstep import Lockstep
+from runtime.executors.loop_run import OutputPort, TickSink
+from runtime.recording.bag import BagSink
+from runtime.recording.setup import recording_setup
+from runtime.records import Record
+from runtime.robots import load_configuration, topics
+from runtime.robots.fresh_frames import FreshFrames
+from runtime.robots.uslgo1.config import Uslgo1Config
+from runtime.safety.limits import joint_bounds
+from runtime.signals import Fault, Gait, JointCommand, Mode, SafetyStatus
+from sim_bridge.courses import scenario
+from sim_bridge.faults.wires import FOREVER_NS, Inject, Wires
+from sim_bridge.run import NullSink, Wired, wire
+
+WALKING_NS = 1_600_000_000
+"""By then the robot trots at nearly its full speed."""
+LINGER_NS = 100_000_000
+"""How long to go on watching when the last answer has been seen."""
+JOINT_TOLERANCE_NM = 1e-9
+
+
+@dataclass(frozen=True)
+class Row:
+    """A fault and its answer.
+
+    Attributes:
+        name: for people.
+        inject: prepares it.
+        answer: what the robot is to do, in order: walk on, derate, stand, go on, crouch, damp.
+        bound_ns: how soon the last of it (but going on) is to be reached, of the configuration.
+        lasts_ns: how long the fault is there.
+        fault: bits by which it is to be named.
+        counted: topic and field of what is to be counted.
+        mended: called with the wires and the time at which the fault ends.
+        replays: whether all of the run can be replayed, the fault being outside of the tasks.
+        settings: configuration that shows this answer.
+    """
+
+    name: str
+    inject: Inject
+    answer: tuple[str, ...]
+    bound_ns: Callable[[Uslgo1Config], int]
+    lasts_ns: int = FOREVER_NS
+    fault: Fault = Fault.NONE
+    counted: tuple[str, str] | None = None
+    mended: Callable[[Wires, int], None] | None = None
+    replays: bool = True
+    settings: dict[str, str] = field(default_factory=dict)
+
+
+class Trial(NamedTuple):
+    """What came of one.
+
+    Attributes:
+        answer: what the robot did, in order.
+        time_ns: from the fault to the last of it, but going on; 0 if it walked on.
+        faults: bits that were seen.
+        counted: by how much the count grew.
+        joints_kept: whether position and torque of every joint stayed within their limits until the robot was damped.
+        oldest_ns: age of the oldest command that reached a bus.
+        damping_kept: whether no stiffness nor torque was commanded to a damped robot.
+        fell: whether it fell before it was damped.
+    """
+
+    answer: tuple[str, ...]
+    time_ns: int
+    faults: Fault
+    counted: int
+    joints_kept: bool
+    oldest_ns: int
+    damping_kept: bool
+    fell: bool
+
+
+def flaws(row: Row, trial: Trial, config: Uslgo1Config) -> list[str]:
+    """In what a trial differs from what it is to be."""
+    found = []
+    if trial.answer != row.answer:
+        found.append(f"answer is {', '.join(trial.answer)}")
+    if trial.time_ns > row.bound_ns(config):
+        found.append(f"took {trial.time_ns * 1e-6:.0f} ms of {row.bound_ns(config) * 1e-6:.0f} ms")
+    if row.fault & ~trial.faults:
+        found.append(f"{(row.fault & ~trial.faults).name} was not named")
+    if row.counted is not None and not trial.counted:
+        found.append(f"{row.counted[1]} did not grow")
+    if not trial.joints_kept:
+        found.append("a joint passed its limits")
+    if trial.oldest_ns > config.drives.command_age_max_ns:
+        found.append(f"a command of {trial.oldest_ns * 1e-6:.1f} ms was sent")
+    if not trial.damping_kept:
+        found.append("a damped joint was driven")
+    if trial.fell:
+        found.append("it fell before it was damped")
+    return found
+
+
+def attempt(row: Row, seed: int, out: Path | None = None) -> Trial:
+    """Walk, break something at a phase of the gait that the seed chooses, and watch.
+
+    Args:
+        row: the fault.
+        seed: of the phase, and of what the fault leaves to chance.
+        out: directory of a log; None records nothing.
+    """
+    config = load_configuration("uslgo1", row.settings)
+    rng = np.random.default_rng((seed, *row.name.encode()))
+    begin_ns = WALKING_NS + int(rng.integers(config.gait.period_ns))
+    end_ns = min(begin_ns + row.lasts_ns, FOREVER_NS)
+    wired = wire(config, scenario("flat"), seed)
+    tasks = {item.task.name: item.task for loop in wired.robot.loops for item in loop.schedule}
+    wires = Wires(config, wired.bus, wired.world, wired.inputs, tasks, rng)
+    if row.mended is not None:
+        row.mended(wires, end_ns)
+    row.inject(wires, begin_ns, end_ns)
+    sink: TickSink = NullSink()
+    bag = None
+    if out is not None:
+        robot = wired.robot
+        sink = bag = BagSink(out, recording_setup(robot.loops, robot.name, dump(config), seed, robot.joint_names))
+    gauge = _AgeGauge(MemoryWriter(wired.bus))
+    outlet = FreshFrames(gauge, config.drives.command_age_max_ns)
+    watch = _Watch(row, config, wired, wires, begin_ns)
+    executor = Lockstep(
+        wired.robot.loops, wired.inputs, {topics.CAN_SENT: outlet}, wired.world, sink, delays=wires.delay
+    )
+    limit_ns = begin_ns + row.bound_ns(config) + min(row.lasts_ns, 4_000_000_000) + 1_500_000_000
+    executor.run(limit_ns, watch.over)
+    if bag is not None:
+        bag.close()
+    return watch.result(gauge.oldest_ns)
+
+
+class _AgeGauge:
+    """An output port that notes the age of what passes."""
+
+    def __init__(self, port: OutputPort) -> None:
+        self._port, self.oldest_ns = port, 0
+
+    def write(self, record: Any, now_ns: int) -> None:
+        self.oldest_ns = max(self.oldest_ns, now_ns - record.stamp_ns)
+        self._port.write(record, now_ns)
+
+
+class _Watch:
+    """Looks at every tick, and ends the run when there is nothing more to see."""
+
+    def __init__(self, row: Row, config: Uslgo1Config, wired: Wired, wires: Wires, begin_ns: int) -> None:
+        self._row, self._config, self._world, self._wires = row, config, wired.world, wires
+        self._begin_ns = begin_ns
+        records: dict[str, Record] = {
+            r.topic: r for loop in wired.robot.loops for r in (*loop.port_inputs, *loop.writes)
+        }
+        self._status: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
+        self._gait: Gait = records[topics.GAIT]  # type: ignore[assignment]
+        self._command: JointCommand = records[topics.JOINT_COMMAND_SAFE]  # type: ignore[assignment]
+        self._count = (lambda: 0) if row.counted is None else self._counter(records, *row.counted)
+        low, high = joint_bounds(config.safety)
+        margin = config.safety.position_margin_rad
+        self._low, self._high = low - margin, high + margin
+        self._seen: dict[str, int] = {}
+        self._before = self._faults = 0
+        self._joints_kept = self._damping_kept = True
+        self._fell = False
+        self._stamp_ns, self._end_ns = 0, FOREVER_NS
+
+    @staticmethod
+    def _counter(records: dict[str, Record], topic: str, name: str) -> Callable[[], int]:
+        return lambda: int(getattr(records[topic], name))
+
+    def over(self, now_ns: int) -> bool:
+        """One tick."""
+        for event in self._wires.events:
+            event(now_ns)
+        status = self._status
+        if status.stamp_ns == self._stamp_ns:
+            return False
+        self._stamp_ns = status.stamp_ns
+        if status.stamp_ns < self._begin_ns:
+            self._before = self._count()
+            return False
+        self._faults |= status.warning | status.fault | status.halt
+        self._note(status.stamp_ns)
+        self._check_joints()
+        if self._row.answer[-1] in self._seen and self._end_ns == FOREVER_NS:
+            self._end_ns = now_ns + LINGER_NS
+        return now_ns >= self._end_ns
+
+    def _note(self, at_ns: int) -> None:
+        """Which answer the robot is at, if it is new."""
+        status, walking = self._status, bool(self._gait.walking)
+        powered = status.mode in (Mode.STANDING, Mode.ACTIVE)
+        signs = {
+            "derate": status.derated,
+            "stand": powered and not walking,
+            "go on": powered and walking and "stand" in self._seen,
+            "crouch": status.mode == Mode.CROUCHING,
+            "damp": status.mode == Mode.DAMPED,
+        }
+        for answer, there in signs.items():
+            if there and "damp" not in self._seen:
+                self._seen.setdefault(answer, at_ns)
+
+    def _check_joints(self) -> None:
+        world, command = self._world, self._command
+        if "damp" in self._seen:
+            idle = not command.stiffness.any() and not command.effort.any() and not command.velocity.any()
+            self._damping_kept = self._damping_kept and idle
+            return
+        angles, torques = world.joint_angles, world.drives.applied
+        kept = (angles >= self._low).all() and (angles <= self._high).all()
+        strongest = self._config.simulation.peak_torque_nm + JOINT_TOLERANCE_NM
+        kept = kept and (np.abs(torques) <= strongest).all()
+        bound = self._config.safety.derated_effort_nm if self._status.derated else self._config.safety.effort_max_nm
+        self._joints_kept = bool(self._joints_kept and kept and (np.abs(command.effort) <= bound).all())
+        self._fell = self._fell or world.tilt > self._config.safety.tilt_max_rad + 0.1
+
+    def result(self, oldest_ns: int) -> Trial:
+        """What was seen."""
+        lasting = [at_ns for answer, at_ns in self._seen.items() if answer != "go on"]
+        return Trial(
+            tuple(self._seen) or ("walk on",),
+            max(lasting, default=self._begin_ns) - self._begin_ns,
+            Fault(self._faults),
+            self._count() - self._before,
+            self._joints_kept,
+            oldest_ns,
+            self._damping_kept,
+            self._fell,
+        )

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a fault can lay hands on: buses, ports, the world, and the time that loops take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from drivers.memory_bus import End, MemoryBus
+from runtime.executors.loop_run import InputPort
+from runtime.records import Record
+from runtime.robots.uslgo1.config import Uslgo1Config
+from runtime.tasks import Task
+from sim_bridge.quadruped_world import QuadrupedWorld
+
+FOREVER_NS = 1 << 62
+
+
+@dataclass
+class Wires:
+    """What a fault can lay hands on.
+
+    Attributes:
+        config: of the robot.
+        bus, world: the far ends.
+        inputs: ports by topic.
+        tasks: of the robot, by name.
+        rng: for what a fault leaves to chance.
+        delays: of the loops' steps, by loop: from (index) to ns.
+        events: called with the time at every tick, before the world moves on.
+    """
+
+    config: Uslgo1Config
+    bus: MemoryBus
+    world: QuadrupedWorld
+    inputs: dict[str, InputPort]
+    tasks: dict[str, Task]
+    rng: np.random.Generator
+    delays: dict[str, Callable[[int], int]] = field(default_factory=dict)
+    events: list[Callable[[int], None]] = field(default_factory=list)
+
+    def delay(self, loop: str, index: int) -> int:
+        """How long a step takes, as an executor asks for it."""
+        delay = self.delays.get(loop)
+        return 0 if delay is None else delay(index)
+
+    def tamper(self, change: Callable[[End, int, int, bytearray], bool]) -> None:
+        """Have every frame changed on its way (sender, bus, arrival, bytes); it is destroyed where that is false."""
+
+        def tamper(sender: End, bus: int, arrival_ns: int, frame: bytes) -> bytes | None:
+            altered = bytearray(frame)
+            return bytes(altered) if change(sender, bus, arrival_ns, altered) else None
+
+        self.bus.tamper = tamper
+
+    def filter(self, topic: str, change: Callable[[Any, int], bool]) -> None:
+        """Have every record of an input port changed after it was read; it is withheld where that is false."""
+        self.inputs[topic] = _Filter(self.inputs[topic], change)
+
+    def once(self, at_ns: int, act: Callable[[], None]) -> None:
+        """Do something at a time."""
+
+        def event(now_ns: int) -> None:
+            nonlocal at_ns
+            if now_ns >= at_ns:
+                at_ns = FOREVER_NS
+                act()
+
+        self.events.append(event)
+
+
+class _Filter:
+    """An input port whose records are changed or withheld."""
+
+    def __init__(self, port: InputPort, change: Callable[[Any, int], bool]) -> None:
+        self._port, self._change = port, change
+        self._news: Record | None = None
+
+    def read(self, record: Record, now_ns: int) -> bool:
+        if self._news is None:
+            self._news = record.like()
+        news = self._news
+        news.copy_from(record)
+        if not self._port.read(news, now_ns) or not self._change(news, now_ns):
+            return False
+        record.copy_from(news)
+        return True
+
+
+Inject = Callable[[Wires, int, int], None]
+"""Prepares a fault that is there from a time until before another, ns."""
