@@ -24,7 +24,7 @@ def _insert(wires: Wires, topic: str, at_ns: int, acts: list[Callable[[Any], Non
         def read(self, record: Record, now_ns: int) -> bool:
             if now_ns < at_ns or not acts:
                 return port.read(record, now_ns)
-            record.stamp_ns = now_ns  # type: ignore[attr-defined]
+            record.stamp_ns = now_ns
             acts.pop(0)(record)
             return True
 

@@ -13,7 +13,7 @@ import numpy as np
 from drivers.memory_ports import MemoryWriter
 from runtime.configuration import dump
 from runtime.executors.lockstep import Lockstep
-from runtime.executors.loop_run import OutputPort, TickSink
+from runtime.executors.loop_run import OutputPort
 from runtime.recording.bag import BagSink
 from runtime.recording.setup import recording_setup
 from runtime.records import Record
@@ -126,22 +126,31 @@ def attempt(row: Row, seed: int, out: Path | None = None) -> Trial:
     if row.mended is not None:
         row.mended(wires, end_ns)
     row.inject(wires, begin_ns, end_ns)
-    sink: TickSink = NullSink()
-    bag = None
+    robot, recorder = wired.robot, None
     if out is not None:
-        robot = wired.robot
-        sink = bag = BagSink(out, recording_setup(robot.loops, robot.name, dump(config), seed, robot.joint_names))
+        recorder = _Recorder(out, recording_setup(robot.loops, robot.name, dump(config), seed, robot.joint_names))
     gauge = _AgeGauge(MemoryWriter(wired.bus))
     outlet = FreshFrames(gauge, config.drives.command_age_max_ns)
     watch = _Watch(row, config, wired, wires, begin_ns)
     executor = Lockstep(
-        wired.robot.loops, wired.inputs, {topics.CAN_SENT: outlet}, wired.world, sink, delays=wires.delay
+        wired.robot.loops,
+        wired.inputs,
+        {topics.CAN_SENT: outlet},
+        wired.world,
+        recorder or NullSink(),
+        delays=wires.delay,
     )
     limit_ns = begin_ns + row.bound_ns(config) + min(row.lasts_ns, 4_000_000_000) + 1_500_000_000
     executor.run(limit_ns, watch.over)
-    if bag is not None:
-        bag.close()
+    if recorder is not None:
+        recorder.close()
     return watch.result(gauge.oldest_ns)
+
+
+class _Recorder(BagSink):
+    """Records in this process and drops nothing."""
+
+    dropped = 0
 
 
 class _AgeGauge:
@@ -167,7 +176,7 @@ class _Watch:
         self._status: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
         self._gait: Gait = records[topics.GAIT]  # type: ignore[assignment]
         self._command: JointCommand = records[topics.JOINT_COMMAND_SAFE]  # type: ignore[assignment]
-        self._count = (lambda: 0) if row.counted is None else self._counter(records, *row.counted)
+        self._counted = None if row.counted is None else (records[row.counted[0]], row.counted[1])
         low, high = joint_bounds(config.safety)
         margin = config.safety.position_margin_rad
         self._low, self._high = low - margin, high + margin
@@ -177,9 +186,11 @@ class _Watch:
         self._fell = False
         self._stamp_ns, self._end_ns = 0, FOREVER_NS
 
-    @staticmethod
-    def _counter(records: dict[str, Record], topic: str, name: str) -> Callable[[], int]:
-        return lambda: int(getattr(records[topic], name))
+    def _count(self) -> int:
+        if self._counted is None:
+            return 0
+        record, name = self._counted
+        return int(getattr(record, name))
 
     def over(self, now_ns: int) -> bool:
         """One tick."""
