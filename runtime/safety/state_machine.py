@@ -40,7 +40,7 @@ def next_mode(
     if mode == Mode.CROUCHING:
         ended = health == Health.UNFIT or not armed or stance == Stance.RESTING
         return Mode.DAMPED if ended else Mode.CROUCHING
-    if health == Health.BLIND and mode != Mode.STANDBY and stance != Stance.RESTING:
+    if health == Health.BLIND and armed and mode != Mode.STANDBY and stance != Stance.RESTING:
         return Mode.CROUCHING
     if health != Health.FIT:
         return Mode.DAMPED

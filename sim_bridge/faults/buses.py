@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers.can_frame import CAN_ERR_FLAG, FRAME_SIZE, make_frames
+from drivers.can_frame import CAN_ERR_FLAG, make_frames
 from drivers.memory_bus import End
 from runtime.robots import topics
 from sim_bridge.faults.wires import Wires
@@ -99,20 +99,14 @@ def bus_down(wires: Wires, begin_ns: int, end_ns: int) -> None:
 
 def bus_off(wires: Wires, begin_ns: int, end_ns: int) -> None:
     """A bus's controller reports that it has switched itself off; nothing passes any more."""
-    bus, told = _a_bus(wires), False
-    report = make_frames([CAN_ERR_FLAG | BUS_OFF], 8)[0].tobytes()
+    bus, report = _a_bus(wires), make_frames([CAN_ERR_FLAG | BUS_OFF], 8)
 
     def change(sender: End, on_bus: int, arrival_ns: int, frame: bytearray) -> bool:
-        nonlocal told
-        if on_bus != bus or not begin_ns <= arrival_ns < end_ns:
-            return True
-        if sender == End.DEVICE and not told:
-            told = True
-            frame[:FRAME_SIZE] = report
-            return True
-        return False
+        is_report = frame == report.tobytes()
+        return is_report or on_bus != bus or not begin_ns <= arrival_ns < end_ns
 
     wires.tamper(change)
+    wires.once(begin_ns, lambda: wires.bus.send(End.DEVICE, np.full(1, bus, np.uint8), report, begin_ns))
 
 
 def bus_flooded(wires: Wires, begin_ns: int, end_ns: int) -> None:

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every input in every state: 5 modes x healthy x armed x reset x 4 motions x 4 stances."""
+"""Every input in every state: 6 modes x 3 healths x armed x reset x 4 motions x 4 stances x walking."""
 
 import itertools
 
 import pytest
 
-from runtime.safety.state_machine import next_mode
+from runtime.safety.state_machine import Health, next_mode
 from runtime.signals import Mode, Motion, Stance
 
-INPUTS = list(itertools.product((False, True), (False, True), (False, True), Motion, Stance))
-POWERED = {Mode.STANDING, Mode.ACTIVE}
+INPUTS = list(itertools.product(Health, (False, True), (False, True), Motion, Stance, (False, True)))
+POWERED = {Mode.STANDING, Mode.ACTIVE, Mode.CROUCHING}
 
 
 def transitions():
@@ -22,68 +22,84 @@ TABLE = list(transitions())
 
 
 def test_the_table_is_complete():
-    assert len(TABLE) == 5 * 2 * 2 * 2 * 4 * 4
+    assert len(TABLE) == 6 * 3 * 2 * 2 * 4 * 4 * 2
     assert all(isinstance(after, Mode) for *_, after in TABLE)
 
 
 def test_damped_is_latched():
-    """It is left only to STANDBY, by a healthy robot, on a reset, with the arm withdrawn."""
-    for mode, healthy, armed, reset, _, _, after in TABLE:
+    """It is left only to STANDBY, by a fit robot, on a reset, with the arm withdrawn."""
+    for mode, health, armed, reset, *_, after in TABLE:
         if mode == Mode.DAMPED:
-            assert after == (Mode.STANDBY if healthy and reset and not armed else Mode.DAMPED)
+            assert after == (Mode.STANDBY if health == Health.FIT and reset and not armed else Mode.DAMPED)
 
 
-def test_power_comes_only_from_standby_by_a_healthy_armed_robot_that_is_asked_to_stand():
-    for mode, healthy, armed, _, motion, _, after in TABLE:
+def test_power_comes_only_from_standby_by_a_fit_armed_robot_that_is_asked_to_stand():
+    for mode, health, armed, _, motion, _, _, after in TABLE:
         if after in POWERED and mode not in POWERED:
-            assert (mode, healthy, armed, after) == (Mode.STANDBY, True, True, Mode.STANDING)
+            assert (mode, health, armed, after) == (Mode.STANDBY, Health.FIT, True, Mode.STANDING)
             assert motion in (Motion.STAND, Motion.WALK)
 
 
-def test_a_fault_under_power_damps_at_once():
-    for mode, healthy, _, _, _, _, after in TABLE:
-        if mode in POWERED and not healthy:
+def test_an_unfit_robot_loses_its_power_at_once():
+    for mode, health, *_, after in TABLE:
+        if mode in POWERED and health == Health.UNFIT:
             assert after == Mode.DAMPED
+
+
+def test_a_blind_robot_crouches_unless_it_rests_already():
+    for mode, health, armed, _, _, stance, _, after in TABLE:
+        if mode in (Mode.STANDING, Mode.ACTIVE) and armed and health == Health.BLIND:
+            assert after == (Mode.DAMPED if stance == Stance.RESTING else Mode.CROUCHING)
+
+
+def test_crouching_comes_from_blindness_alone_and_leads_to_damped_alone():
+    for mode, health, armed, _, _, stance, _, after in TABLE:
+        if after == Mode.CROUCHING and mode != Mode.CROUCHING:
+            assert health == Health.BLIND
+        if mode == Mode.CROUCHING:
+            ended = not armed or stance == Stance.RESTING or health == Health.UNFIT
+            assert after == (Mode.DAMPED if ended else Mode.CROUCHING)
 
 
 def test_a_fault_in_standby_is_latched_too():
-    for mode, healthy, *_, after in TABLE:
-        if mode == Mode.STANDBY and not healthy:
+    for mode, health, *_, after in TABLE:
+        if mode == Mode.STANDBY and health != Health.FIT:
             assert after == Mode.DAMPED
 
 
-def test_nothing_unhealthy_is_or_becomes_powered():
-    for _, healthy, *_, after in TABLE:
-        assert healthy or after not in POWERED
-
-
 def test_withdrawing_the_arm_always_takes_the_power():
-    for mode, _, armed, _, motion, stance, after in TABLE:
+    for mode, _, armed, _, motion, stance, _, after in TABLE:
         if not armed:
             assert after not in POWERED
-            if mode in POWERED:
-                resting = stance == Stance.RESTING and motion in (Motion.REST, Motion.SIT)
-                assert after == Mode.DAMPED or resting
+            if mode in POWERED and after == Mode.STANDBY:
+                assert stance == Stance.RESTING
+                assert motion in (Motion.REST, Motion.SIT)
 
 
 def test_walking_takes_a_robot_that_stands():
-    for mode, _, _, _, motion, stance, after in TABLE:
-        if after == Mode.ACTIVE:
-            assert mode in POWERED
+    for mode, _, _, _, motion, stance, _, after in TABLE:
+        if after == Mode.ACTIVE and mode != Mode.ACTIVE:
+            assert mode == Mode.STANDING
             assert motion == Motion.WALK
-            assert mode == Mode.ACTIVE or stance == Stance.STANDING
+            assert stance == Stance.STANDING
+
+
+def test_a_robot_that_walks_stays_active_until_it_has_come_to_a_stand():
+    for mode, health, armed, _, motion, _, walking, after in TABLE:
+        if mode == Mode.ACTIVE and health == Health.FIT and armed:
+            assert after == (Mode.ACTIVE if walking or motion == Motion.WALK else Mode.STANDING)
 
 
 def test_only_a_reset_matters_in_damped_and_nowhere_else():
-    for mode, healthy, armed, reset, motion, stance, after in TABLE:
+    for mode, health, armed, reset, motion, stance, walking, after in TABLE:
         if mode != Mode.DAMPED:
-            assert next_mode(mode, healthy, armed, not reset, motion, stance) == after
+            assert next_mode(mode, health, armed, not reset, motion, stance, walking) == after
 
 
 def test_off_is_left_once_and_never_returned_to():
-    for mode, healthy, *_, after in TABLE:
+    for mode, health, *_, after in TABLE:
         if mode == Mode.OFF:
-            assert after == (Mode.STANDBY if healthy else Mode.OFF)
+            assert after == (Mode.STANDBY if health == Health.FIT else Mode.OFF)
         else:
             assert after != Mode.OFF
 
@@ -117,13 +133,14 @@ def test_every_mode_can_be_reached_and_left():
 
 def test_the_ordinary_day():
     day = [
-        ((True, False, False, Motion.REST, Stance.RESTING), Mode.STANDBY),
-        ((True, True, False, Motion.STAND, Stance.RESTING), Mode.STANDING),
-        ((True, True, False, Motion.WALK, Stance.RISING), Mode.STANDING),
-        ((True, True, False, Motion.WALK, Stance.STANDING), Mode.ACTIVE),
-        ((True, True, False, Motion.STAND, Stance.STANDING), Mode.STANDING),
-        ((True, True, False, Motion.SIT, Stance.SITTING), Mode.STANDING),
-        ((True, True, False, Motion.SIT, Stance.RESTING), Mode.STANDBY),
+        ((Health.FIT, False, False, Motion.REST, Stance.RESTING, False), Mode.STANDBY),
+        ((Health.FIT, True, False, Motion.STAND, Stance.RESTING, False), Mode.STANDING),
+        ((Health.FIT, True, False, Motion.WALK, Stance.RISING, False), Mode.STANDING),
+        ((Health.FIT, True, False, Motion.WALK, Stance.STANDING, False), Mode.ACTIVE),
+        ((Health.FIT, True, False, Motion.STAND, Stance.STANDING, True), Mode.ACTIVE),
+        ((Health.FIT, True, False, Motion.STAND, Stance.STANDING, False), Mode.STANDING),
+        ((Health.FIT, True, False, Motion.SIT, Stance.SITTING, False), Mode.STANDING),
+        ((Health.FIT, True, False, Motion.SIT, Stance.RESTING, False), Mode.STANDBY),
     ]
     mode = Mode.OFF
     for inputs, expected in day:
