@@ -43,8 +43,9 @@ test-guest: venv  ## Test the drivers on CAN interfaces of a kernel: of this one
 	tests/guest/with-can $(BIN)/pytest -p no:cacheprovider tests/guest $(GUEST_ARGS)
 
 test-service: venv $(WHEELS)/.complete  ## Install into a real systemd in a container and test the units (needs root).
-	PYTHON=$(BIN)/python tests/service/in-systemd env UGV_SERVICE_WHEELS=$(abspath $(WHEELS)) PYTHONDONTWRITEBYTECODE=1 PYTHONUNBUFFERED=1 \
-	    $(BIN)/python -m pytest -p no:cacheprovider tests/service $(SERVICE_ARGS)
+	PYTHON=$(BIN)/python tests/service/in-systemd env UGV_SERVICE_WHEELS=$(abspath $(WHEELS)) \
+	    PYTHONDONTWRITEBYTECODE=1 PYTHONUNBUFFERED=1 \
+	    $(BIN)/python -m pytest -p no:cacheprovider --timeout 1800 tests/service $(SERVICE_ARGS)
 
 $(WHEELS)/.complete: pyproject.toml constraints.txt
 	rm -rf $(WHEELS)
