@@ -13,7 +13,7 @@ from queue import SimpleQueue
 from types import TracebackType
 from typing import Any
 
-from runtime.link import inputs
+from runtime.link import topics as ros
 from runtime.messages import definitions, standard
 from runtime.messages.battery import BatteryMessage
 from runtime.messages.imu import ImuMessage
@@ -45,9 +45,9 @@ class RosOutlet:
         imu, pose, battery = ImuMessage(config.imu_frame), PoseStampedMessage(config.odom_frame), BatteryMessage()
         self._path = PathMessage(config.odom_frame)
         self._encoders: dict[type[Record], Callable[[Any], Sequence[Message]]] = {
-            Imu: lambda record: ((inputs.IMU, imu.encode(record)),),
-            Pose: lambda record: ((inputs.LOCALIZATION, pose.encode(record)),),
-            Battery: lambda record: ((inputs.BATTERY, battery.encode(record)),),
+            Imu: lambda record: ((ros.IMU, imu.encode(record)),),
+            Pose: lambda record: ((ros.LOCALIZATION, pose.encode(record)),),
+            Battery: lambda record: ((ros.BATTERY, battery.encode(record)),),
             Path: self._path_messages,
             OperatorEvent: lambda record: (operator_message(record),),
         }
@@ -57,7 +57,7 @@ class RosOutlet:
         self._sender.start()
 
     def _publisher(self, topic: str, type_name: str) -> Publisher:
-        return self._session.publisher(topic, type_name, SENSOR_QUALITY if topic == inputs.IMU else DEFAULT_QUALITY)
+        return self._session.publisher(topic, type_name, SENSOR_QUALITY if topic == ros.IMU else DEFAULT_QUALITY)
 
     def publish(self, record: Record, start_ns: int) -> None:
         """Send a record, stamped in unix time."""
@@ -73,8 +73,8 @@ class RosOutlet:
             sent.x[path.count], sent.y[path.count] = path.x[0], path.y[0]
             sent.count, sent.closed = path.count + 1, False
         return (
-            (inputs.PATH_SPEED, standard.encode_float64(path.speed)),
-            (inputs.PATH, self._path.encode(sent)),
+            (ros.PATH_SPEED, standard.encode_float64(path.speed)),
+            (ros.PATH, self._path.encode(sent)),
         )
 
     def _send(self) -> None:
@@ -101,25 +101,25 @@ def operator_message(event: OperatorEvent) -> Message:
     """An operator's event as the message that asks for it."""
     request = Request(event.request)
     if request in (Request.ARM, Request.DISARM):
-        return inputs.ARM, standard.encode_bool(request == Request.ARM)
+        return ros.ARM, standard.encode_bool(request == Request.ARM)
     if request == Request.MOTION:
-        return inputs.MOTION, standard.encode_string(Motion(event.motion).name.lower())
+        return ros.MOTION, standard.encode_string(Motion(event.motion).name.lower())
     if request == Request.EMERGENCY_STOP:
-        return inputs.E_STOP, standard.encode_bool(True)
-    plain = {Request.LIFE: inputs.HEARTBEAT, Request.RESET: inputs.RESET, Request.RELEASE: inputs.RELEASE}
+        return ros.E_STOP, standard.encode_bool(True)
+    plain = {Request.LIFE: ros.HEARTBEAT, Request.RESET: ros.RESET, Request.RELEASE: ros.RELEASE}
     return plain[request], standard.encode_empty()
 
 
 _TYPES = {
-    inputs.IMU: definitions.IMU,
-    inputs.LOCALIZATION: definitions.POSE_STAMPED,
-    inputs.BATTERY: definitions.BATTERY_STATE,
-    inputs.PATH: definitions.PATH,
-    inputs.PATH_SPEED: definitions.FLOAT64,
-    inputs.ARM: definitions.BOOL,
-    inputs.E_STOP: definitions.BOOL,
-    inputs.MOTION: definitions.STRING,
-    inputs.HEARTBEAT: definitions.EMPTY,
-    inputs.RESET: definitions.EMPTY,
-    inputs.RELEASE: definitions.EMPTY,
+    ros.IMU: definitions.IMU,
+    ros.LOCALIZATION: definitions.POSE_STAMPED,
+    ros.BATTERY: definitions.BATTERY_STATE,
+    ros.PATH: definitions.PATH,
+    ros.PATH_SPEED: definitions.FLOAT64,
+    ros.ARM: definitions.BOOL,
+    ros.E_STOP: definitions.BOOL,
+    ros.MOTION: definitions.STRING,
+    ros.HEARTBEAT: definitions.EMPTY,
+    ros.RESET: definitions.EMPTY,
+    ros.RELEASE: definitions.EMPTY,
 }
