@@ -27,6 +27,7 @@ from runtime.executors.linux import lock_memory, run_first
 from runtime.executors.loop_run import InputPort
 from runtime.executors.runtime_directory import remove_if_orphaned
 from runtime.executors.tick_stream import TickListener, TickStream
+from runtime.link.loop import link_loop
 from runtime.recording.service import SOCKET
 from runtime.records import Record
 from runtime.robots import load_configuration
@@ -108,7 +109,7 @@ def simulate(task: Task) -> dict[str, Any]:
 
 
 def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -> dict[str, Any]:
-    loops = assemble(config).loops
+    loops, link = assemble(config).loops, link_loop(config.link, config.realtime.link_priority)
     stop: list[bool] = []
     signal.signal(signal.SIGTERM, lambda *_: stop.append(True))
     refused = [sentence for sentence in (run_first(SIM.priority), lock_memory()) if sentence]
@@ -125,7 +126,7 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
             wires,
             config.simulation.time_step_ns,
             sources_of(world, part.operator, part.path, config, ros, directory),
-            partial(CompanionTicks, loops, SIM, TickStream(directory / SOCKET)),
+            partial(CompanionTicks, (*loops, link), SIM, TickStream(directory / SOCKET)),
         )
 
         def over(now_ns: int) -> bool:

@@ -102,7 +102,8 @@ def _link(config: Uslgo1Config, options: argparse.Namespace) -> int:
 
 def _recorder(config: Uslgo1Config, options: argparse.Namespace) -> int:
     from runtime.configuration import dump
-    from runtime.executors.companions import LINK, SIM
+    from runtime.executors.companions import SIM
+    from runtime.link.loop import link_loop
     from runtime.recording.service import serve
     from runtime.robots.uslgo1.assembly import assemble
 
@@ -112,7 +113,7 @@ def _recorder(config: Uslgo1Config, options: argparse.Namespace) -> int:
         dump(config),
         options.runtime_dir,
         options.log_dir,
-        extra_loops=(LINK, SIM),
+        extra_loops=(link_loop(config.link, config.realtime.link_priority), SIM),
         files=[terrain] if terrain.exists() else [],
     )
     return 0

@@ -13,29 +13,17 @@ from runtime.executors.tick import ENTRY, TICK_TOPIC_PREFIX, manifest_of, tick_r
 from runtime.executors.timing import next_tick
 from runtime.tasks import Loop
 
-
-def _companion(name: str, period_ns: int, priority: int) -> Loop:
-    return Loop(name, period_ns, period_ns, priority, (), (), (), ())
-
-
-LINK = _companion("link", 10_000_000, 40)
-"""Carries messages between zenoh and the control process."""
-SIM = _companion("sim", 1_000_000, 50)
+SIM = Loop("sim", 1_000_000, 1_000_000, 50, (), (), (), ())
 """Stands in for the robot. No process may have a priority between those of the control loops: it could hold up one that
 has the interpreter while another waits for it."""
-
-
-def with_companions(loops: Sequence[Loop]) -> tuple[Loop, ...]:
-    """The loops whose ticks a log in real time holds; channels are numbered in this order."""
-    return (*loops, LINK, SIM)
 
 
 class CompanionTicks:
     """Keeps the time of a companion, and logs its ticks.
 
     Args:
-        loops: of the robot.
-        companion: one of the above.
+        loops: those before it in the manifest of the log.
+        companion: its loop.
         sink: takes the datagrams.
         start_ns: first release, on the monotonic clock.
     """
@@ -43,7 +31,7 @@ class CompanionTicks:
     def __init__(self, loops: Sequence[Loop], companion: Loop, sink: TickSink, start_ns: int) -> None:
         self._period_ns, self._start_ns, self._sink = companion.period_ns, start_ns, sink
         self._tick = tick_record(companion)
-        number = manifest_of(with_companions(loops)).of_topic(TICK_TOPIC_PREFIX + companion.name).number
+        number = manifest_of((*loops, companion)).of_topic(TICK_TOPIC_PREFIX + companion.name).number
         self._head = ENTRY.pack(number, self._tick.cdr_size)
         self._index = 0
 

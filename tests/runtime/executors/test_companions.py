@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ticks of other processes stand in the log as those of the robot's own loops do."""
 
-from runtime.executors.companions import LINK, SIM, CompanionTicks, with_companions
+from runtime.executors.companions import SIM, CompanionTicks
 from runtime.executors.tick import TICK_TOPIC_PREFIX, entries, manifest_of
 from runtime.tasks import Loop
 
@@ -19,7 +19,7 @@ class Sink(list):
 def test_a_companion_skips_the_periods_that_it_was_late_for_and_says_so():
     sink = Sink()
     ticks = CompanionTicks(LOOPS, SIM, sink, start_ns=100 * MS)
-    channel = manifest_of(with_companions(LOOPS)).of_topic(TICK_TOPIC_PREFIX + "sim")
+    channel = manifest_of((*LOOPS, SIM)).of_topic(TICK_TOPIC_PREFIX + "sim")
     seen = []
     for late_ns, took_ns in ((10_000, 200_000), (20_000, 3_400_000), (0, 0)):
         began_ns = ticks.release_ns + late_ns
@@ -38,15 +38,9 @@ def test_a_companion_skips_the_periods_that_it_was_late_for_and_says_so():
     assert [tick.dropped for tick in seen] == [3, 3, 3]
 
 
-def test_every_process_numbers_the_channels_alike():
-    manifest = manifest_of(with_companions(LOOPS))
-    of_link = manifest_of((*LOOPS, LINK))
-    assert of_link.of_topic(TICK_TOPIC_PREFIX + "link").number == manifest.of_topic(TICK_TOPIC_PREFIX + "link").number
-
-
 def test_no_companion_runs_between_the_control_loops():
     from runtime.robots import load_configuration
 
-    loops = load_configuration("uslgo1").loops
-    lowest = min(loops.wbc_priority, loops.mpc_priority)
-    assert LINK.priority < SIM.priority < lowest
+    config = load_configuration("uslgo1")
+    lowest = min(config.loops.wbc_priority, config.loops.mpc_priority)
+    assert config.realtime.link_priority < SIM.priority < lowest
