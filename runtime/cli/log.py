@@ -94,7 +94,7 @@ def _print_loops(log: Log) -> None:
         worst = sorted(one.stalls, key=lambda stall: -stall.late_ns)
         _print_some(
             f"stalls of {one.loop.name} beyond {one.stall_bound_ns / 1e6:g} ms",
-            [f"stall: {s.loop} woke {s.late_ns / 1e6:.3g} ms late at {s.begin_ns / 1e9:.3f} s" for s in worst],
+            [f"stall: {s.loop} woke {s.late_ns / 1e6:,.1f} ms late at {s.begin_ns / 1e9:.3f} s" for s in worst],
         )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from runtime.recording import run_data, setup
 from runtime.recording.counters import counters
 from runtime.recording.errors import LogError, RecordingError
-from runtime.recording.report_timing import timing_section, timing_warnings
+from runtime.recording.report_timing import timing_cards, timing_section, timing_warnings
 from runtime.recording.run_data import RunData, load_run
 from runtime.signals import Fault, Mode
 
@@ -165,6 +165,7 @@ def _cards(data: RunData) -> Iterator[tuple[str, str]]:
             value = value.get(key) if isinstance(value, Mapping) else None
         if isinstance(value, (int, float)):
             yield what, form.format(value * scale)
+    yield from timing_cards(data)
 
 
 def _flat(entries: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:

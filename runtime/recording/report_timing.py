@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
 
 from runtime.recording.beginning import beginning, clock_changes
@@ -11,17 +11,8 @@ from runtime.recording.loop_timing import LoopTimes, Percentiles, imu_age
 from runtime.recording.run_data import RunData
 
 _SHOWN = 12
-_HEAD = (
-    "loop",
-    "rate",
-    "ticks",
-    "wake latency, us",
-    "compute time, us",
-    "periods skipped",
-    "late",
-    "missing",
-    "stalls",
-)
+_SHARES = ("p50", "p99", "p99.9", "max")
+_COUNTS = ("periods skipped", "late", "missing", "stalls")
 
 
 def timing_section(data: RunData) -> str:
@@ -30,17 +21,32 @@ def timing_section(data: RunData) -> str:
     if not times:
         return ""
     rows = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in _cells(one)) + "</tr>" for one in times)
-    head = "".join(f"<th>{escape(name)}</th>" for name in _HEAD)
+    shares = "".join(f"<th>{name}</th>" for name in _SHARES)
+    counts = "".join(f'<th rowspan="2">{name}</th>' for name in _COUNTS)
+    head = (
+        '<tr><th rowspan="2">loop</th><th rowspan="2">rate</th><th rowspan="2">ticks</th>'
+        f'<th colspan="4">wake latency (us)</th><th colspan="4">compute time (us)</th>{counts}</tr>'
+        f"<tr>{shares}{shares}</tr>"
+    )
     return (
-        "<section><h2>Time</h2><p>Latencies and compute times are the median, the 99th and 99.9th percentile and the "
-        "maximum. A stall is a tick that began more than a period after its release. Periods that an overrun skipped "
-        "were never stepped; missing ticks were, but are not in the log.</p>"
-        f'<table class="times"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
+        "<section><h2>Time</h2><p>A stall is a tick that began more than a period after its release. Periods that an "
+        "overrun skipped were never stepped; missing ticks were, but are not in the log.</p>"
+        f'<table class="times"><thead>{head}</thead><tbody>{rows}</tbody></table>'
         + _list("Said by the log", _said(data))
         + _list("Gaps", [str(gap) for one in times for gap in one.gaps])
         + _list("Latest wakes", _stalls(times))
         + "</section>"
     )
+
+
+def timing_cards(data: RunData) -> Iterator[tuple[str, str]]:
+    """The main figures of a run on the wall clock."""
+    for one in data.loop_times:
+        if one.wake is not None:
+            name = one.loop.name
+            yield f"{name} wake latency, p99", f"{one.wake.p99 / 1e3:,.0f} us"
+            yield f"{name} periods skipped", f"{100.0 * one.skipped / (one.ticks + one.skipped):.3g} %"
+            yield f"{name} ticks missing", str(one.missing)
 
 
 def timing_warnings(data: RunData) -> list[str]:
@@ -70,16 +76,14 @@ def _cells(one: LoopTimes) -> tuple[str, ...]:
         escape(one.loop.name),
         f"{1e9 / one.loop.period_ns:g} Hz",
         str(one.ticks),
-        _row(one.wake),
-        _row(one.compute),
+        *_row(one.wake),
+        *_row(one.compute),
         *(f"<b>{count}</b>" if count else "0" for count in counts),
     )
 
 
-def _row(times: Percentiles | None) -> str:
-    if times is None:
-        return "virtual time"
-    return " &nbsp; ".join(f"{value / 1e3:,.0f}" for value in times)
+def _row(times: Percentiles | None) -> list[str]:
+    return ["-"] * len(_SHARES) if times is None else [f"{value / 1e3:,.0f}" for value in times]
 
 
 def _said(data: RunData) -> list[str]:
@@ -92,13 +96,10 @@ def _said(data: RunData) -> list[str]:
     return said
 
 
-_SHARES = ("p50", "p99", "p99.9", "max")
-
-
 def _stalls(times: Sequence[LoopTimes]) -> list[str]:
     found = sorted((stall for one in times for stall in one.stalls), key=lambda stall: -stall.late_ns)
     return [
-        f"{stall.loop}, tick {stall.tick}: {stall.late_ns / 1e6:.3g} ms late at {stall.begin_ns / 1e9:.3f} s"
+        f"{stall.loop}, tick {stall.tick}: {stall.late_ns / 1e6:,.1f} ms late at {stall.begin_ns / 1e9:.3f} s"
         for stall in found
     ]
 

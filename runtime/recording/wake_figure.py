@@ -6,7 +6,19 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from runtime.recording.figure_style import BLUE, FAINT, GREEN, INK, ORANGE, RED, VIOLET, ReportFigure, legend, line, svg
+from runtime.recording.figure_style import (
+    BLUE,
+    FAINT,
+    GREEN,
+    INK,
+    ORANGE,
+    RED,
+    VIOLET,
+    ReportFigure,
+    legend,
+    svg,
+    thinned,
+)
 from runtime.recording.run_data import RunData
 
 _LEAST_US = 1.0
@@ -24,7 +36,7 @@ def wake_figure(data: RunData) -> ReportFigure | None:
         late_us = np.maximum(ticks.values["wake_latency_ns"] / 1e3, _LEAST_US)
         t = ticks.log_ns / 1e9
         wake, share = figure.add_subplot(grid[row, 0]), figure.add_subplot(grid[row, 1])
-        line(wake, t, late_us, one.loop.name, color, 0.7)
+        wake.plot(*thinned(t, late_us), ".", color=color, markersize=2.0, label=one.loop.name)
         wake.set(yscale="log", ylabel="wake latency (us)", xlabel="time (s)" if row == len(shown) - 1 else "")
         wake.axhline(one.loop.period_ns / 1e3, color=RED, linewidth=1.0, linestyle="--", label="one period")
         skipped = ticks.values["skipped"] > 0

@@ -114,6 +114,7 @@ def test_the_report_has_the_figures_of_the_paper(walked):
         "Estimate",
         "Loop times",
         "Safety",
+        "Time",
         "Counted",
         "Summary",
         "Log",
