@@ -5,15 +5,17 @@ from __future__ import annotations
 
 import os
 import zlib
+from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from runtime.executors.tick import ENTRY
 from runtime.messages import definitions
 from runtime.recording.bag_metadata import TopicCount, bag_metadata
 from runtime.recording.errors import RecordingError
-from runtime.recording.layout import camel_case, package_name
+from runtime.recording.layout import ChannelSpec, camel_case, package_name
 from runtime.recording.mcap_file import McapFile, open_output, reserve_space
 from runtime.recording.setup import RecordingSetup
 from runtime.recording.standard_topics import StandardTopic, standard_topics
@@ -110,11 +112,8 @@ class BagWriter:
             self._declare_checksums(schemas, setup)
 
     def _declare_checksums(self, schemas: dict[str, int], setup: RecordingSetup) -> None:
-        for tick in (spec for spec in setup.channels if spec.role == "tick"):
-            numbers = [spec.number for spec in setup.channels if spec.loop == tick.loop]
-            first, count = min(numbers), max(numbers) - min(numbers) + 1
-            type_name = f"ugv_{package_name(setup.robot)}_msgs/msg/Checksum{camel_case(tick.loop)}"
-            text = f"uint32[{count}] entry  # CRC-32 of the body of each of the loop's channels, 0 where not logged\n"
+        for tick, first, count in _checksummed(setup):
+            type_name, text = _checksum_type(setup.robot, tick.loop, count)
             channel = self._declare_topic(schemas, CHECKSUM_TOPIC_PREFIX + tick.loop, type_name, text)
             self._checksums[tick.number] = (channel, first, bytearray(4 * count))
 
@@ -123,7 +122,7 @@ class BagWriter:
     ) -> int:
         if type_name not in schemas:
             schemas[type_name] = self._file.add_schema(type_name, text)
-        type_hash = definitions.type_hash(type_name, None if standard else text)
+        type_hash = _type_hash(type_name, None if standard else text)
         self._topics.append(TopicCount(topic, type_name, type_hash))
         return self._file.add_channel(topic, schemas[type_name], {"offered_qos_profiles": "[]"})
 
@@ -264,6 +263,33 @@ class BagSink:
     def close(self) -> None:
         """Close the log."""
         self._writer.close()
+
+
+def _checksummed(setup: RecordingSetup) -> Iterator[tuple[ChannelSpec, int, int]]:
+    """The tick channel of each loop, the number of its first channel, and how many it has."""
+    for tick in (spec for spec in setup.channels if spec.role == "tick"):
+        numbers = [spec.number for spec in setup.channels if spec.loop == tick.loop]
+        yield tick, min(numbers), max(numbers) - min(numbers) + 1
+
+
+def _checksum_type(robot: str, loop: str, count: int) -> tuple[str, str]:
+    """Name and text of the message that holds the checksums of a loop's channels."""
+    text = f"uint32[{count}] entry  # CRC-32 of the body of each of the loop's channels, 0 where not logged\n"
+    return f"ugv_{package_name(robot)}_msgs/msg/Checksum{camel_case(loop)}", text
+
+
+def prepare(setup: RecordingSetup) -> None:
+    """Compute what every bag of a setup needs; the first one is then begun as fast as the later ones."""
+    for spec in setup.channels:
+        _type_hash(spec.type_name, spec.definition)
+    for tick, _, count in _checksummed(setup):
+        _type_hash(*_checksum_type(setup.robot, tick.loop, count))
+    for topic in standard_topics(setup.channels, setup.joint_names):
+        _type_hash(topic.type_name, None)
+
+
+_type_hash = cache(definitions.type_hash)
+"""It takes milliseconds, and datagrams wait while a bag is begun."""
 
 
 def _reason(error: OSError) -> str:

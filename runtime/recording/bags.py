@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from runtime.executors.tick import Tick, entries, tick_record
-from runtime.recording.bag import REALTIME, BagOptions, BagWriter
+from runtime.recording.bag import REALTIME, BagOptions, BagWriter, prepare
 from runtime.recording.clocks import ClockReading, ClockWatch, read_clocks
 from runtime.recording.continuity import Continuity
 from runtime.recording.errors import RecordingError
@@ -69,6 +69,7 @@ class Bags:
         records = {loop.name: tick_record(loop) for loop in loops}
         self._ticks = {number: records[name] for number, name in names.items()}
         self._loop_of = {spec.number: spec.loop for spec in setup.channels}
+        prepare(setup)
         self._bag: BagWriter | None = None
         self._previous, self._reason = previous, "the recorder was started"
         self._try_again_ns = self._look_after_ns = 0
