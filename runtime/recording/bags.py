@@ -165,13 +165,13 @@ class Bags:
             return
         tick, begins = self._ticks[number], loop not in self._continuity
         gap = self._continuity.setdefault(loop, Continuity(loop)).take(tick.index, tick.skipped, tick.release_ns)
-        if begins:
-            bag.note(FIRST_TICK_PREFIX + loop, {"index": str(tick.index), "release_ns": str(tick.release_ns)})
         if gap is not None:
             self._status.gaps += 1
             self._status.dropped += 0 if begins else gap.missing
-        bag.write(datagram)
         self._status.recorded += 1
+        bag.write(datagram)
+        if begins:
+            bag.note(FIRST_TICK_PREFIX + loop, {"index": str(tick.index), "release_ns": str(tick.release_ns)})
 
     def _begun(self) -> BagWriter | None:
         """A new bag, or None if none can be had now."""

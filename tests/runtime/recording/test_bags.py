@@ -18,6 +18,7 @@ from runtime.recording import bags as bags_module
 from runtime.recording.bags import Bags
 from runtime.recording.clocks import ClockReading
 from runtime.recording.log import Log
+from runtime.recording.mcap_file import McapFile
 from runtime.recording.recorder_status import RecorderStatus, read_status
 from runtime.recording.setup import recording_setup
 from runtime.tasks import Loop
@@ -239,6 +240,31 @@ def test_a_directory_that_cannot_be_made_is_named(toy, tmp_path, monkeypatch, ob
 
 def refuse(path, *arguments, **options):
     raise PermissionError(13, "Permission denied")
+
+
+@pytest.mark.parametrize("room", [20_000, 45_000, 60_000])
+def test_on_a_full_disk_every_datagram_is_counted_once(toy, bench, monkeypatch, room):
+    """And those that are counted as recorded are in the log."""
+    written = [0]
+    append = McapFile._append
+
+    def limited(file, data):
+        written[0] += len(data)
+        if written[0] > room and len(data) > 200:
+            raise OSError(28, "No space left on device")
+        append(file, data)
+
+    monkeypatch.setattr(McapFile, "_append", limited)
+    run = toy.datagrams()
+    bench.write(run)
+    assert bench.status.failed > 0
+    assert bench.status.recorded + bench.status.failed == len(run)
+    in_logs = sum(
+        len(Log(path).read_signal(f"/ugv/tick/{loop}").values)
+        for path in bench.directory.iterdir()
+        for loop in ("fast", "slow")
+    )
+    assert bench.status.recorded == in_logs
 
 
 def test_no_descriptor_is_left_open_by_failures(toy, tmp_path, monkeypatch):
