@@ -98,7 +98,7 @@ class _Carrier:
         self._clocks = ClockWatch()
         self._tick = tick_record(self._loop)
         self._status = LinkStatus(STATUS, {"input": len(TAKEN)})
-        self._told = b""
+        self._told, self._tell_ns = b"", 0
         manifest = manifest_of((*setup.loops, self._loop))
         self._channels = {channel.record.topic: channel.number for channel in manifest.channels}
         self._log = TickStream(directory / RECORDER_FILE)
@@ -128,7 +128,7 @@ class _Carrier:
                 tick.compute_ns = done_ns - tick.now_ns
                 tick.late = done_ns > tick.release_ns + self._loop.budget_ns
                 tick.dropped = self._log.dropped
-                self._log.write(self._entry(tick) + self._status_entry())
+                self._log.write(self._entry(tick) + self._status_entry(done_ns))
                 index, tick.skipped = next_tick(index, start_ns, period_ns, time.monotonic_ns())
         finally:
             self._log.close()
@@ -137,8 +137,8 @@ class _Carrier:
         body = record.to_bytes()
         return ENTRY.pack(self._channels[record.topic], len(body)) + body
 
-    def _status_entry(self) -> bytes:
-        """What became of the messages, if that has changed."""
+    def _status_entry(self, now_ns: int) -> bytes:
+        """What became of the messages, if that has changed, and now and then for a recorder that came late."""
         status, (_, rejected, lost) = self._status, self._inputs.tally.snapshot()
         by_topic = Counter[str]()
         for (topic, _), number in rejected.items():
@@ -148,8 +148,10 @@ class _Carrier:
         status.merged, status.malformed = self._inputs.outlet.merged, self._monitor.malformed
         status.clock_steps, status.suspends = self._clocks.steps, self._clocks.suspends
         entry = self._entry(status)
-        changed, self._told = entry != self._told, entry
-        return entry if changed else b""
+        if entry == self._told and now_ns < self._tell_ns:
+            return b""
+        self._told, self._tell_ns = entry, now_ns + _NS_PER_SECOND
+        return entry
 
     def _step(self, now_ns: int) -> None:
         self._inputs.outlet.flush(now_ns)

@@ -18,6 +18,7 @@ from runtime.executors.tick import entries, manifest_of, tick_record
 from runtime.executors.tick_stream import TickListener, TickStreamError
 from runtime.link.loop import link_loop
 from runtime.link.process import RECORDER_FILE
+from runtime.link.topics import TAKEN
 from runtime.messages import definitions
 from runtime.messages.battery import BatteryMessage
 from runtime.messages.imu import ImuMessage
@@ -251,18 +252,30 @@ def test_the_link_is_part_of_the_ros_graph(link, until, inbox_type):
         assert Node(0, session, "ugv_link").endpoint_token(number, "MP", "/odom", definitions.ODOMETRY) in tokens
 
 
-def test_the_link_s_own_ticks_are_logged(link):
+def test_the_link_s_own_ticks_and_status_are_logged(link, until):
     loop = link_loop(link.setup.config, link.setup.priority)
-    number = manifest_of((*link.setup.loops, loop)).of_topic("/ugv/tick/link").number
+    manifest, (status,) = manifest_of((*link.setup.loops, loop)), loop.port_inputs
     tick, recorder = tick_record(loop), TickListener(link.directory / RECORDER_FILE)
     try:
         for _ in range(2):
             (channel, body), *_ = entries(recorder.receive(30.0))
-            assert channel == number
+            assert channel == manifest.of_topic("/ugv/tick/link").number
             before = tick.index
             tick.load(body)
             assert tick.index > before
         assert tick.wake_latency_ns >= 0
+        with link.peer() as peer:
+            motion = peer.publisher("/operator/motion", definitions.STRING)
+
+            def told() -> bool:
+                """The status comes after the tick whenever it has changed."""
+                _, *more = entries(recorder.receive(30.0))
+                for channel, body in more:
+                    assert channel == manifest.of_topic(status.topic).number
+                    status.load(body)
+                return status.rejected[TAKEN.index("/operator/motion")] > 0
+
+            until(told, lambda: motion.put(encode_string("fly")))
     finally:
         recorder.close()
 
