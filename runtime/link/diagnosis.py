@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 from typing import Any
 
 from runtime.link.control_monitor import ControlMonitor
@@ -27,11 +28,13 @@ from runtime.signals import (
 )
 
 
+@lru_cache(maxsize=64)
 def member_name(kind: type[IntEnum], number: int) -> str:
     """Name of an enumeration's member, or the number if it has none."""
     return next((member.name.lower() for member in kind if member == number), str(number))
 
 
+@lru_cache(maxsize=64)
 def fault_names(bits: int) -> str:
     """Names of fault bits, or `none`."""
     names = [fault.name.lower() for fault in Fault if fault and bits & fault and fault.name]

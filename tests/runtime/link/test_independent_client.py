@@ -45,6 +45,7 @@ def message_files(tmp_path_factory):
 def client(link, message_files, monkeypatch):
     """How the client is to reach the link; its one session ends with the test."""
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    monkeypatch.setenv("ZENOH_CONFIG_OVERRIDE", "transport/shared_memory/enabled=false")  # leaves no files behind
     monkeypatch.setattr("zenoh_ros2_sdk.message_registry._registry", None)
     sdk.ZenohSession._instance = None
     where = {"router_ip": "127.0.0.1", "router_port": link.port, "domain_id": 0}
