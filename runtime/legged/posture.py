@@ -18,13 +18,15 @@ class PostureConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         height_m: trunk origin above the stance plane when standing and walking.
         sitting_height_m: the same at rest.
+        crouching_height_m: the same when it is lowered since it can no longer be balanced.
+        crouch_s: duration of that.
         rise_s: duration of standing up and of sitting down.
-        crouch_s: duration of sitting down when the trunk can no longer be balanced.
         stiffness_nm_prad, damping_nms_prad: of the joints meanwhile.
     """
 
     height_m: Annotated[float, msgspec.Meta(gt=0.1, le=0.42)] = 0.29
     sitting_height_m: Annotated[float, msgspec.Meta(gt=0.05, le=0.3)] = 0.12
+    crouching_height_m: Annotated[float, msgspec.Meta(gt=0.05, le=0.3)] = 0.17
     rise_s: Annotated[float, msgspec.Meta(gt=0.2, le=10.0)] = 1.5
     crouch_s: Annotated[float, msgspec.Meta(gt=0.1, le=2.0)] = 0.5
     stiffness_nm_prad: Annotated[float, msgspec.Meta(gt=0.0, le=500.0)] = 100.0

@@ -52,6 +52,7 @@ class PostureTask(Task):
         self._joints, self._operator, self._safety, self._output = joints, operator, safety, output
         self._upright = description.standing_angles(config.height_m)
         self._seated = description.standing_angles(config.sitting_height_m)
+        self._crouched = description.standing_angles(config.crouching_height_m)
         self.reads, self.writes = (joints, operator, safety), (output,)
         self.state: PostureMemory = PostureMemory("/ugv/state/posture", output.sizes)
 
@@ -69,6 +70,8 @@ class PostureTask(Task):
         elif not up and mode == Mode.STANDING and memory.stance in (Stance.RISING, Stance.STANDING):
             self._begin(Stance.SITTING, self._seated, now_ns)
         target = self._upright if memory.stance in (Stance.RISING, Stance.STANDING) else self._seated
+        if memory.crouching:
+            target = self._crouched
         if memory.stance in (Stance.RISING, Stance.SITTING):
             progress = (now_ns - memory.begin_ns) * 1e-9 / memory.duration_s
             output.position, rate = blend(memory.begin, target, progress)
@@ -86,7 +89,7 @@ class PostureTask(Task):
         """Go down from wherever the joints are."""
         if not self.state.crouching:
             self.state.crouching = True
-            self._begin(Stance.SITTING, self._seated, now_ns)
+            self._begin(Stance.SITTING, self._crouched, now_ns)
             self.state.duration_s = self._config.crouch_s
 
     def _begin(self, stance: Stance, target: np.ndarray, now_ns: int) -> None:

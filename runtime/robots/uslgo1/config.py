@@ -241,7 +241,7 @@ class Uslgo1Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 raise ConfigError(
                     f"simulation.{key} = {rate} gives a period that is no multiple of time_step_ns = {step_ns}"
                 )
-        for key in ("height_m", "sitting_height_m"):
+        for key in ("height_m", "sitting_height_m", "crouching_height_m"):
             height = getattr(self.posture, key)
             try:
                 self.quadruped.standing_angles(height)
