@@ -12,6 +12,8 @@ FUZZ_S ?= 20
 BIN := .venv/bin
 STAMP := .venv/.installed
 WHEELS := .venv/wheels
+SERVICE_ENVIRONMENT := HYPOTHESIS_PROFILE=ci PYTHONDONTWRITEBYTECODE=1 PYTHONUNBUFFERED=1
+SERVICE_OPTIONS := -p no:cacheprovider --timeout 1800
 
 # One thread per linear-algebra call: more are slower at these sizes, and not reproducible.
 export OPENBLAS_NUM_THREADS := 1
@@ -43,9 +45,10 @@ test-guest: venv  ## Test the drivers on CAN interfaces of a kernel: of this one
 	tests/guest/with-can $(BIN)/pytest -p no:cacheprovider tests/guest $(GUEST_ARGS)
 
 test-service: venv $(WHEELS)/.complete  ## Install into a real systemd in a container and test the units (needs root).
-	PYTHON=$(BIN)/python tests/service/in-systemd env UGV_SERVICE_WHEELS=$(abspath $(WHEELS)) \
-	    PYTHONDONTWRITEBYTECODE=1 PYTHONUNBUFFERED=1 \
-	    $(BIN)/python -m pytest -p no:cacheprovider --timeout 1800 tests/service $(SERVICE_ARGS)
+	PYTHON=$(BIN)/python tests/service/in-systemd env $(SERVICE_ENVIRONMENT) UGV_SERVICE_WHEELS=$(abspath $(WHEELS)) \
+	    $(BIN)/python -m pytest $(SERVICE_OPTIONS) tests/service $(SERVICE_ARGS)
+	PYTHON=$(BIN)/python tests/service/with-limits tests/service/in-systemd env $(SERVICE_ENVIRONMENT) \
+	    UGV_SERVICE_UNITS_ONLY=1 $(BIN)/python -m pytest $(SERVICE_OPTIONS) -k limits tests/service/test_units.py
 
 $(WHEELS)/.complete: pyproject.toml constraints.txt
 	rm -rf $(WHEELS)

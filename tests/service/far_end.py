@@ -6,19 +6,25 @@ Arguments: the configuration, the runtime directory. SIGUSR1 makes the operator 
 
 import signal
 import sys
+from contextlib import ExitStack, closing
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from drivers.device_end import open_device_end
 from runtime.executors.companions import SIM, CompanionTicks
+from runtime.executors.linux import run_first
 from runtime.executors.tick_stream import TickStream
 from runtime.recording.service import SOCKET
-from runtime.robots import load_configuration, topics
+from runtime.robots import load_configuration
 from runtime.robots.uslgo1.assembly import assemble
 from sim_bridge.live_world import LiveWorld
-from sim_bridge.outlets import SharedOutlet
+from sim_bridge.outlets import sources_of
+from sim_bridge.ros_outlet import RosOutlet
 from sim_bridge.run import chosen_scenario, rehearse, world_of
-from sim_bridge.script import ScriptedOperator
+from sim_bridge.script import ScriptedOperator, ScriptedPath
+
+STANDING_S = 3600.0
 
 
 class Operator:
@@ -37,27 +43,20 @@ class Operator:
 
 def main(configuration: str, directory: Path) -> None:
     config = load_configuration(configuration)
-    course = chosen_scenario("stand", config, 0)
+    course = replace(chosen_scenario("stand", config, 0), stand_s=STANDING_S)
     rehearse(config.robot, config.variant.estimator, config.variant.controller)
     stop = []
     signal.signal(signal.SIGTERM, lambda *_: stop.append(True))
-    wires = open_device_end(config.drives.interface, config.drives.channels)
-    world = world_of(config, course, course.terrain(0), wires, 0)
-    loops = assemble(config).loops
-    records = {record.topic: record.like() for loop in loops for record in loop.port_inputs}
-    ports = {
-        topics.IMU: world.imu,
-        topics.LOCALIZATION: world.localization,
-        topics.BATTERY: world.battery,
-        topics.OPERATOR_EVENT: Operator(course, config.posture.rise_s),
-    }
-    sources = [(records[topic], port, SharedOutlet(directory, records[topic])) for topic, port in ports.items()]
-    ticks = partial(CompanionTicks, loops, SIM, TickStream(directory / SOCKET))
-    print("ready", flush=True)
-    try:
+    run_first(SIM.priority)
+    with ExitStack() as stack:
+        wires = stack.enter_context(closing(open_device_end(config.drives.interface, config.drives.channels)))
+        ros = stack.enter_context(RosOutlet(config.link))
+        world = world_of(config, course, course.terrain(0), wires, 0)
+        operator = Operator(course, config.posture.rise_s)
+        sources = sources_of(world, operator, ScriptedPath(course), config, ros, directory)
+        ticks = partial(CompanionTicks, assemble(config).loops, SIM, TickStream(directory / SOCKET))
+        print("ready", flush=True)
         LiveWorld(world, wires, config.simulation.time_step_ns, sources, ticks).run(lambda now_ns: bool(stop))
-    finally:
-        wires.close()
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from runtime.executors.control import OBSERVER
+from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.executors.tick_stream import TickListener
 from runtime.robots import load_configuration, topics
 from runtime.robots.uslgo1.assembly import assemble
@@ -20,7 +21,8 @@ from sim_bridge.tick_mirror import TickMirror
 
 RUNTIME, LOGS, CONFIGURATION = Path("/run/ugv"), Path("/var/log/ugv"), Path("/etc/ugv/uslgo1.toml")
 PYTHON, UGV = "/opt/ugv/venv/bin/python", "/opt/ugv/venv/bin/ugv"
-UNITS = ("ugv-recorder.service", "ugv-control.service")
+UNITS = ("ugv-recorder.service", "ugv-link.service", "ugv-control.service")
+FAST_TICK = TICK_TOPIC_PREFIX + "wbc"
 PATIENCE_S = 120
 AFTER_RESTART_S = 3
 
@@ -46,9 +48,11 @@ class Watch:
     def __init__(self):
         self._listener = TickListener(RUNTIME / OBSERVER)
         (RUNTIME / OBSERVER).chmod(0o666)
-        self._mirror = TickMirror(assemble(load_configuration(str(CONFIGURATION))).loops, [topics.SAFETY], self)
-        self._safety = self._mirror.records[topics.SAFETY]
+        loops = assemble(load_configuration(str(CONFIGURATION))).loops
+        self._mirror = TickMirror(loops, [topics.SAFETY, FAST_TICK], self)
+        self._safety, self._tick = (self._mirror.records[topic] for topic in (topics.SAFETY, FAST_TICK))
         self._waiting = None
+        self.processes = 1
 
     def receive(self, timeout_s):
         """One datagram at a time, for the mirror."""
@@ -56,21 +60,24 @@ class Watch:
         return datagram
 
     def modes(self, seconds):
-        """The mode of every tick of the next seconds."""
+        """The mode of every tick of the next seconds; counts the processes that they come from."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0:
             self._waiting = self._listener.receive(left)
             if self._waiting is not None:
+                before = self._tick.index
                 self._mirror.update()
+                self.processes += self._tick.index < before
                 yield Mode(self._safety.mode)
 
-    def until(self, wanted):
-        seen = set()
+    def until(self, happened):
+        """The modes until something has happened, which is told the last one."""
+        seen = []
         for mode in self.modes(PATIENCE_S):
-            seen.add(mode)
-            if mode == wanted:
-                return seen
-        raise AssertionError(f"not {wanted!r} within {PATIENCE_S} s, but {seen}: {journal()}")
+            seen.append(mode)
+            if happened(mode):
+                return set(seen)
+        raise AssertionError(f"not within {PATIENCE_S} s, only {set(seen)}: {journal()}")
 
     def close(self):
         self._listener.close()
@@ -89,28 +96,20 @@ def compiled(installed, install):
 
 
 @pytest.fixture
-def robot(compiled):
-    """A simulated robot behind the buses, and the units that run it; gives the simulator's process and the watch."""
+def robot(compiled, real_time_by_limits):
+    """A simulated robot behind the buses, recorder and link at work; gives the simulator's process and the watch."""
     account = pwd.getpwnam("ugv")
-    systemctl("start", "ugv-recorder.service")
+    systemctl("start", "ugv-recorder.service", "ugv-link.service")
     watch = Watch()
     far_end = Path("/opt/far_end.py")
     far_end.write_bytes((Path(__file__).parent / "far_end.py").read_bytes())
-    command = [PYTHON, "-I", far_end, str(CONFIGURATION), str(RUNTIME)]
+    command = ["setpriv", f"--reuid={account.pw_uid}", f"--regid={account.pw_gid}", "--clear-groups"]
+    command += ["--inh-caps=+sys_nice", "--ambient-caps=+sys_nice", PYTHON, "-I", far_end, CONFIGURATION, RUNTIME]
     environment = {**os.environ, "UGV_CACHE_DIR": "/var/cache/ugv"}
-    simulator = subprocess.Popen(
-        command,
-        user=account.pw_uid,
-        group=account.pw_gid,
-        extra_groups=(),
-        stdout=subprocess.PIPE,
-        cwd="/",
-        env=environment,
-        umask=0o027,
-    )
+    simulator = subprocess.Popen(command, stdout=subprocess.PIPE, cwd="/", env=environment, umask=0o027)
     assert simulator.stdout.readline() == b"ready\n"
     yield simulator, watch
-    systemctl("stop", *UNITS)
+    systemctl("stop", "ugv.target", *UNITS)
     simulator.terminate()
     simulator.wait()
     simulator.stdout.close()
@@ -128,24 +127,30 @@ def test_the_host_is_found_unfit_without_can_and_fit_otherwise(compiled):
     assert "ugv-control.service" in found["locked memory"]["sentence"]
 
 
+def stands(mode):
+    return mode == Mode.STANDING
+
+
 def test_a_killed_control_comes_back_in_standby_though_the_robot_stood(robot):
     simulator, watch = robot
+    systemctl("start", "ugv.target")
     systemctl("start", "ugv-control.service")
-    assert {Mode.STANDBY, Mode.STANDING} <= watch.until(Mode.STANDING)
+    assert Mode.STANDBY in watch.until(stands)
     killed = main_pid("ugv-control.service")
     simulator.send_signal(signal.SIGUSR1)
     os.kill(killed, signal.SIGKILL)
-    seen = watch.until(Mode.STANDBY)
-    seen |= set(watch.modes(AFTER_RESTART_S))
-    assert seen <= {Mode.OFF, Mode.STANDBY}
+    watch.until(lambda mode: watch.processes == 2)
+    seen = watch.until(lambda mode: mode == Mode.STANDBY) | set(watch.modes(AFTER_RESTART_S))
+    assert not seen & {Mode.STANDING, Mode.ACTIVE}, seen
     assert main_pid("ugv-control.service") not in (0, killed)
     assert systemctl("show", "ugv-control.service", "--property=NRestarts", "--value").strip() == "1"
 
 
 def test_the_run_is_recorded_where_the_unit_says(robot):
     _, watch = robot
+    systemctl("start", "ugv.target")
     systemctl("start", "ugv-control.service")
-    watch.until(Mode.STANDING)
+    watch.until(stands)
     systemctl("stop", *UNITS)
     newest = max((path for path in LOGS.iterdir() if path.is_dir()), key=lambda path: path.stat().st_mtime)
     done = subprocess.run([UGV, "log", "info", newest], capture_output=True, text=True, check=False)

@@ -4,12 +4,10 @@
 import json
 import os
 import pwd
-import resource
 import select
 import signal
 import socket
 import subprocess
-import warnings
 from pathlib import Path
 
 import pytest
@@ -21,7 +19,6 @@ PROBE = Path("/run/ugv/probe.sock")
 PATIENCE_S = 60
 STOPPED = "9d1aaa27d60140bd96365438aad20286"
 """What systemd's journal entries about a unit that has stopped are marked with."""
-INSTEAD_OF_LIMITS = "AmbientCapabilities=CAP_SYS_NICE CAP_IPC_LOCK\nCapabilityBoundingSet=CAP_SYS_NICE CAP_IPC_LOCK\n"
 
 
 def systemctl(*arguments):
@@ -33,14 +30,6 @@ def shown(unit, *names):
     lines = systemctl("show", unit, "--property", ",".join(names)).splitlines()
     found = dict(line.split("=", 1) for line in lines)
     return found[names[0]] if len(names) == 1 else [found[name] for name in names]
-
-
-def limits_can_be_raised():
-    """Whether this host's systemd can give a unit the limits that it asks for."""
-    if resource.getrlimit(resource.RLIMIT_RTPRIO)[1] >= 90:
-        return True
-    raised = subprocess.run(["prlimit", "--rtprio=90:90", "true"], capture_output=True, check=False)
-    return raised.returncode == 0
 
 
 def journal(*options):
@@ -98,24 +87,6 @@ def probe(installed):
 
 
 @pytest.fixture
-def capable(probe):
-    """Units whose real-time rights work here too: where limits cannot be raised, control and link get capabilities.
-
-    Whether the right priorities come from the limits is then not seen; that seccomp lets the calls pass is.
-    """
-    if limits_can_be_raised():
-        return True
-    warnings.warn(
-        "root may not raise limits on this host: capabilities instead of LimitRTPRIO and LimitMEMLOCK", stacklevel=1
-    )
-    for name in ("control", "link"):
-        drop_in = DROP_INS / f"ugv-{name}.service.d" / "stand-in.conf"
-        drop_in.write_text(drop_in.read_text() + INSTEAD_OF_LIMITS)
-    systemctl("daemon-reload")
-    return False
-
-
-@pytest.fixture
 def running(probe):
     """What each process found that it may do, by process; all three run."""
     return start(probe)
@@ -163,9 +134,9 @@ def test_each_process_may_do_what_it_needs_and_nothing_else(running):
     }
 
 
-def test_only_control_and_link_may_run_first_and_lock_memory(capable, probe):
+def test_the_limits_let_only_control_and_link_run_first_and_lock_memory(real_time_by_limits, probe):
     facts = start(probe)
-    priorities = [40, 60, 80, 90] if capable else [40, 60, 80, 90, 91]
+    priorities = [40, 60, 80, 90] if real_time_by_limits else [40, 60, 80, 90, 91]
     assert {name: found["fifo"] for name, found in facts.items()} == {
         "control": priorities,
         "link": priorities,
