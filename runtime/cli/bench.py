@@ -265,9 +265,10 @@ def _print_times(title: str, rows: Sequence[tuple[Any, ...]], reference: tuple[A
 
 def _rt() -> None:
     """The loops on the wall clock."""
-    from runtime.cli.bench_rt import measure
+    from runtime.cli.bench_rt import measure, measure_live
 
     measure()
+    measure_live()
 
 
 PARTS: dict[str, Callable[[], None]] = {"rt": _rt, "mpc": _mpc, "wbc": _wbc, "fuzzy": _fuzzy, "sil": _sil}

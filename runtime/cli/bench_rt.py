@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 RATES_HZ = (500, 1000)
-SLICES, SLICE_S = 12, 5.0
+SLICES, SLICE_S, LIVE_S = 12, 5.0, 20.0
+QUANTILES = (50.0, 99.0, 99.9)
 STANDING_UP_S = 1.5
 """The beginning of a slice, in which the robot does not walk yet, is not counted."""
 START_AFTER_NS = 200_000_000
@@ -164,6 +165,38 @@ def measure(slices: int = SLICES, seconds: float = SLICE_S) -> None:
     for tool in ("cyclictest", "stress-ng"):
         if shutil.which(tool) is None:
             print(f"{tool} is not installed, so what it would show is missing (Debian: rt-tests, stress-ng)")
+
+
+def measure_live(seconds: float = LIVE_S) -> None:
+    """A walk in real time, every process of the robot running, and print how late each woke and how old the IMU was."""
+    import numpy as np
+
+    from runtime.cli.bench import ROBOT, SCENARIO
+    from runtime.cli.console import print_table, progress_bar
+    from runtime.cli.sil import simulate_live
+    from runtime.executors.tick import TICK_TOPIC_PREFIX
+    from runtime.recording.log import Log
+    from runtime.recording.run_data import BODY_STATE
+
+    with tempfile.TemporaryDirectory(prefix="ugv-bench-") as parent:
+        out = Path(parent) / "live"
+        out.mkdir()
+        with progress_bar(f"{SCENARIO} in real time") as progress:
+            summary = simulate_live(ROBOT, SCENARIO, out=out, until_s=seconds, progress=progress)
+        log = Log(out)
+        rows = []
+        for loop in ("wbc", "mpc", "link", "sim"):
+            ticks = log.read_signal(TICK_TOPIC_PREFIX + loop).values
+            wake = np.percentile(ticks["wake_latency_ns"] * 1e-3, QUANTILES)
+            compute = np.percentile(ticks["compute_ns"] * 1e-3, QUANTILES[:2])
+            rows.append((loop, *wake, *compute, 100.0 * ticks["skipped"].sum() / (ticks["index"][-1] + 1)))
+        age = np.percentile(log.read_signal(BODY_STATE).values["imu_age_ns"] * 1e-3, QUANTILES)
+    print_table(
+        f"{SCENARIO} in real time, {summary['sim_time_s']:.0f} s, us",
+        ("", "wake p50", "p99", "p99.9", "compute p50", "p99", "skipped %"),
+        rows,
+    )
+    print_table("age of the inertial sample that the estimator used, us", ("", "p50", "p99", "p99.9"), [("IMU", *age)])
 
 
 def _print(

@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from runtime.executors.loop_run import TickSink
-from runtime.executors.tick import ENTRY, TICK_TOPIC_PREFIX, manifest_of, tick_record
+from runtime.executors.tick import ENTRY, manifest_of, tick_record
 from runtime.executors.timing import next_tick
+from runtime.records import Record
 from runtime.tasks import Loop
 
 SIM = Loop("sim", 1_000_000, 1_000_000, 50, (), (), (), ())
@@ -31,8 +32,8 @@ class CompanionTicks:
     def __init__(self, loops: Sequence[Loop], companion: Loop, sink: TickSink, start_ns: int) -> None:
         self._period_ns, self._start_ns, self._sink = companion.period_ns, start_ns, sink
         self._tick = tick_record(companion)
-        number = manifest_of((*loops, companion)).of_topic(TICK_TOPIC_PREFIX + companion.name).number
-        self._head = ENTRY.pack(number, self._tick.cdr_size)
+        channels = manifest_of((*loops, companion)).channels
+        self._number = {channel.record.topic: channel.number for channel in channels}
         self._index = 0
 
     @property
@@ -40,11 +41,20 @@ class CompanionTicks:
         """When the next tick is due."""
         return self._start_ns + self._index * self._period_ns
 
-    def done(self, began_ns: int, done_ns: int) -> None:
-        """Log a tick that was due at `release_ns`, and go on to the next one that is not past."""
+    @property
+    def index(self) -> int:
+        """Number of the next tick."""
+        return self._index
+
+    def done(self, began_ns: int, done_ns: int, *records: Record) -> None:
+        """Log a tick that was due at `release_ns`, and records of the companion's own; go on to the next not past."""
         tick = self._tick
         tick.index, tick.release_ns, tick.now_ns = self._index, self.release_ns, began_ns
         tick.wake_latency_ns, tick.compute_ns = began_ns - tick.release_ns, done_ns - began_ns
         tick.late, tick.dropped = done_ns > tick.release_ns + self._period_ns, self._sink.dropped
-        self._sink.write(self._head + tick.to_bytes())
+        self._sink.write(b"".join(self._entry(record) for record in (tick, *records)))
         self._index, tick.skipped = next_tick(self._index, self._start_ns, self._period_ns, done_ns)
+
+    def _entry(self, record: Record) -> bytes:
+        body = record.to_bytes()
+        return ENTRY.pack(self._number[record.topic], len(body)) + body

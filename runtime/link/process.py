@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from runtime.executors.companions import CompanionTicks
 from runtime.executors.linux import Alarm, run_first, stay_on
 from runtime.executors.liveness import ALIVE_EVERY_NS
 from runtime.executors.notify import Notifier
-from runtime.executors.tick import ENTRY, manifest_of, tick_record
+from runtime.executors.tick import manifest_of
 from runtime.executors.tick_stream import TickListener, TickStream
-from runtime.executors.timing import next_tick
 from runtime.link.clocks import ClockWatch, instant
 from runtime.link.control_monitor import ControlMonitor
 from runtime.link.diagnosis import Diagnosis
@@ -91,17 +91,15 @@ class _Carrier:
         refused: Sequence[str],
         notifier: Notifier,
     ) -> None:
-        self._loop = link_loop(setup.config, setup.priority)
         self._session, self._listener, self._inputs, self._refused = session, listener, inputs, refused
         self._notifier, self._alive_ns = notifier, 0
         self._monitor = ControlMonitor(manifest_of(setup.loops))
         self._clocks = ClockWatch()
-        self._tick = tick_record(self._loop)
         self._status = LinkStatus(STATUS, {"input": len(TAKEN)})
         self._told, self._tell_ns = b"", 0
-        manifest = manifest_of((*setup.loops, self._loop))
-        self._channels = {channel.record.topic: channel.number for channel in manifest.channels}
         self._log = TickStream(directory / RECORDER_FILE)
+        loop = link_loop(setup.config, setup.priority)
+        self._ticks = CompanionTicks(setup.loops, loop, self._log, time.monotonic_ns())
         self._outputs = Outputs(
             session,
             setup.config,
@@ -115,29 +113,18 @@ class _Carrier:
 
     def run(self, stop: threading.Event) -> None:
         """Tick until told to stop."""
-        alarm, tick, period_ns = Alarm(), self._tick, self._loop.period_ns
-        start_ns, index = time.monotonic_ns(), 0
+        alarm = Alarm()
         try:
             while not stop.is_set():
-                tick.release_ns = start_ns + index * period_ns
-                alarm.sleep_until(tick.release_ns)
-                tick.index, tick.now_ns = index, time.monotonic_ns()
-                tick.wake_latency_ns = tick.now_ns - tick.release_ns
-                self._step(tick.now_ns)
+                alarm.sleep_until(self._ticks.release_ns)
+                began_ns = time.monotonic_ns()
+                self._step(began_ns)
                 done_ns = time.monotonic_ns()
-                tick.compute_ns = done_ns - tick.now_ns
-                tick.late = done_ns > tick.release_ns + self._loop.budget_ns
-                tick.dropped = self._log.dropped
-                self._log.write(self._entry(tick) + self._status_entry(done_ns))
-                index, tick.skipped = next_tick(index, start_ns, period_ns, time.monotonic_ns())
+                self._ticks.done(began_ns, done_ns, *self._news(done_ns))
         finally:
             self._log.close()
 
-    def _entry(self, record: Record) -> bytes:
-        body = record.to_bytes()
-        return ENTRY.pack(self._channels[record.topic], len(body)) + body
-
-    def _status_entry(self, now_ns: int) -> bytes:
+    def _news(self, now_ns: int) -> Sequence[LinkStatus]:
         """What became of the messages, if that has changed, and now and then for a recorder that came late."""
         status, (_, rejected, lost) = self._status, self._inputs.tally.snapshot()
         by_topic = Counter[str]()
@@ -147,11 +134,11 @@ class _Carrier:
         status.lost[:] = [lost.get(topic, 0) for topic in TAKEN]
         status.merged, status.malformed = self._inputs.outlet.merged, self._monitor.malformed
         status.clock_steps, status.suspends = self._clocks.steps, self._clocks.suspends
-        entry = self._entry(status)
-        if entry == self._told and now_ns < self._tell_ns:
-            return b""
-        self._told, self._tell_ns = entry, now_ns + _NS_PER_SECOND
-        return entry
+        body = status.to_bytes()
+        if body == self._told and now_ns < self._tell_ns:
+            return ()
+        self._told, self._tell_ns = body, now_ns + _NS_PER_SECOND
+        return (status,)
 
     def _step(self, now_ns: int) -> None:
         self._inputs.outlet.flush(now_ns)
@@ -178,7 +165,7 @@ class _Carrier:
             "requests_waiting": outlet.waiting,
             "tokens_overlooked": self._inputs.senders.overlooked,
             "recorder_drops": self._log.dropped,
-            "ticks": self._tick.index,
+            "ticks": self._ticks.index,
             "not_granted": "; ".join(self._refused) or "nothing",
         }
 
