@@ -42,7 +42,7 @@ class BagOptions:
     compression: str
 
 
-REALTIME = BagOptions(chunk_bytes=64 << 10, chunk_span_ns=10_000_000, sync_ns=1_000_000_000, compression="")
+REALTIME = BagOptions(chunk_bytes=64 << 10, chunk_span_ns=5_000_000, sync_ns=1_000_000_000, compression="")
 """A kill or a power cut must lose next to nothing."""
 LOCKSTEP = BagOptions(chunk_bytes=256 << 10, chunk_span_ns=100_000_000, sync_ns=0, compression="zstd")
 """A simulation that is killed still has its recorder, which closes the log; only if the recorder itself is killed, at

@@ -37,8 +37,8 @@ from runtime.robots.robot import Robot
 serve(Robot("toy", make_loops(), JOINTS), "gain = 0.3\\n", Path(sys.argv[1]), Path(sys.argv[2]), files=[Path(__file__)])
 """
 PATIENCE_S = 120.0
-OPEN_CHUNK = 6
-"""Datagrams of the fast loop until a chunk spans 10 ms."""
+OPEN_CHUNK = 4
+"""Datagrams of the fast loop until a chunk spans 5 ms."""
 
 
 class Service:
