@@ -8,6 +8,7 @@ TEST_ARGS ?=
 GUEST_ARGS ?=
 SERVICE_ARGS ?=
 CLAIMS_ARGS ?=
+FAULTS_ARGS ?=
 FUZZ_S ?= 20
 BIN := .venv/bin
 STAMP := .venv/.installed
@@ -20,7 +21,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: sil venv test test-guest test-service lint claims bench clean
+.PHONY: sil venv test test-guest test-service lint claims faults bench clean
 .DEFAULT_GOAL := sil
 
 sil: venv  ## Walk USLGO1 round the 6 cm circle.
@@ -67,6 +68,9 @@ fuzz: venv  ## Try to break every decoder, FUZZ_S seconds each (needs x86_64: at
 	@$(BIN)/python -c 'import atheris' 2>/dev/null || \
 	    $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[fuzz]'
 	$(BIN)/python tests/fuzz/campaign.py --seconds $(FUZZ_S)
+
+faults: venv  ## Break everything that can break in virtual time, at several phases of the gait.
+	$(BIN)/ugv experiment faults $(FAULTS_ARGS)
 
 claims: venv  ## Walk the scenarios on a few seeds and compare with what is claimed.
 	$(BIN)/python tests/claims.py $(CLAIMS_ARGS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ugv experiment`: a paper's table reproduced, beside what is printed there."""
+"""`ugv experiment`: a paper's table reproduced, beside what is printed there; or the table of faults, tried."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ S_CURVE = {
     "FpM": Printed(0.2933, 0.1981, 68.0),
     "pMW": Printed(0.5133, 0.3822, 75.0),
 }
+EXPERIMENTS = ("paper-000", "faults")
 OURS, BASELINE = "FpMW", "pMW"
 SIMULATIONS = {"line-3cm": None, "line-6cm": None, "circle-6cm": 62.0}
 """The paper's simulations, and the time (s) that it reports of one."""
@@ -32,22 +33,31 @@ SIMULATIONS = {"line-3cm": None, "line-6cm": None, "circle-6cm": 62.0}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
-    parser.add_argument("name", metavar="NAME", help="paper-000")
-    parser.add_argument("--seeds", type=positive, default=10, metavar="N", help="runs of each comparison (default 10)")
+    parser.add_argument("name", metavar="NAME", help="paper-000 or faults")
+    parser.add_argument("--seeds", type=positive, metavar="N", help="runs of each comparison (10), or fault (3)")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the experiment and print its tables.
+    """Run the experiment and print its tables."""
+    if options.name not in EXPERIMENTS:
+        raise UsageError("ugv experiment: " + unknown("experiment", options.name, EXPERIMENTS))
+    if options.name == "faults":
+        from runtime.cli.experiment_faults import run_faults
+
+        return run_faults(options.seeds or 3)
+    return compare_controllers(options.seeds or 10)
+
+
+def compare_controllers(seeds: int) -> int:
+    """Walk the paper's courses.
 
     What the other controllers do is reported as it comes out; the exit code is that of ours.
     """
-    if options.name != "paper-000":
-        raise UsageError("ugv experiment: " + unknown("experiment", options.name, ["paper-000"]))
     from runtime.cli.batch import Job, run_jobs
     from runtime.cli.console import print_table, progress_bar
 
     simulations = [Job(scenario) for scenario in SIMULATIONS]
-    comparisons = [Job("s-curve", seed, controller=name) for name in S_CURVE for seed in range(options.seeds)]
+    comparisons = [Job("s-curve", seed, controller=name) for name in S_CURVE for seed in range(seeds)]
     with progress_bar("paper-000") as progress:
         summaries = run_jobs([*simulations, *comparisons], progress)
     print_table(
@@ -60,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
         for name in S_CURVE
     }
     print_table(
-        f"S-curve, {options.seeds} seed{'' if options.seeds == 1 else 's'} each",
+        f"S-curve, {seeds} seed{'' if seeds == 1 else 's'} each",
         ("controller", "completed", "error mean m", "paper", "error std m", "paper", "time s", "paper"),
         [_comparison_row(name, of_controller[name]) for name in S_CURVE],
     )

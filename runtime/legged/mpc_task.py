@@ -21,17 +21,22 @@ from runtime.models.rigid_body import GRAVITY, RigidBody, RigidBodyState
 from runtime.models.rotations import aligned_with_plane, roll_pitch_yaw, rotation_z, wrapped
 from runtime.models.vectors import solve_three, total_moment, turned
 from runtime.optimization.qp import QpSolver
-from runtime.records import Record, boolean, float64, float64_array, uint32
+from runtime.records import Record, boolean, float64, float64_array, int64, uint32
 from runtime.signals import BodyCommand, BodyState, ContactForces, Gait, JointState
 from runtime.tasks import Task
 
 Array = npt.NDArray[np.float64]
 
 
+LONGEST_STEP = 5.0
+"""Periods; the reference does not move on for a longer gap between two plans."""
+
+
 class MpcMemory(Record):
     """What the MPC must remember."""
 
     started = boolean()
+    step_ns = int64("ns", "when the last plan was begun")
     reference_xy = float64_array(2, "m", "horizontal reference of the centre of mass")
     reference_yaw = float64("rad")
     failures = uint32()
@@ -148,11 +153,15 @@ def _horizon(
     boundaries = knots(gait, gait_state.cycle_start_ns, begin_ns, config.steps)
     durations = np.diff(boundaries) * 1e-9
     state = _predicted_state(robot.mass_kg, model, body, gait_state, plans[0], latency_ns * 1e-9)
+    elapsed_s = period_s
+    if memory.started:
+        elapsed_s = min((begin_ns - latency_ns - memory.step_ns) * 1e-9, LONGEST_STEP * period_s)
+    memory.step_ns = begin_ns - latency_ns
     demand = Demand(0.0, 0.0, 0.0)
     if gait_state.walking:
         command = commands[0]
         demand = Demand(command.velocity[0], command.velocity[1], command.yaw_rate)
-    _advance_reference(config, memory, state, demand, normal, period_s)
+    _advance_reference(config, memory, state, demand, normal, elapsed_s)
     reference = _reference(memory, model, body, demand, height_m, durations)
     stance = np.ones((config.steps, 4), dtype=np.bool_)
     if gait_state.walking:
@@ -196,16 +205,16 @@ def _predicted_state(
 
 @compiled
 def _advance_reference(
-    config: MpcConfig, memory: MpcMemory, state: Array, demand: Demand, normal: Array, period_s: float
+    config: MpcConfig, memory: MpcMemory, state: Array, demand: Demand, normal: Array, elapsed_s: float
 ) -> None:
-    """Move the reference on by one period, not too far from the robot."""
+    """Move the reference on by the time since the last plan, not too far from the robot."""
     if not memory.started:
         memory.started = True
         memory.reference_xy[:], memory.reference_yaw = state[3:5], state[2]
-    ahead = wrapped(memory.reference_yaw + demand.yaw_rate * period_s - state[2])
+    ahead = wrapped(memory.reference_yaw + demand.yaw_rate * elapsed_s - state[2])
     memory.reference_yaw = state[2] + max(-config.heading_clamp_rad, min(config.heading_clamp_rad, ahead))
     velocity = velocity_along(aligned_with_plane(memory.reference_yaw, normal), demand)
-    memory.reference_xy[:] = advanced(memory.reference_xy, state[3:5], velocity[:2], period_s, config.position_clamp_m)
+    memory.reference_xy[:] = advanced(memory.reference_xy, state[3:5], velocity[:2], elapsed_s, config.position_clamp_m)
 
 
 @compiled

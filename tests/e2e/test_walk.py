@@ -131,7 +131,7 @@ def test_a_scenario_that_fails_its_criteria_ends_with_one(ugv: Ugv, short_path: 
 
 
 @pytest.mark.parametrize(
-    ("key", "fault"), [("voltage_min_v=32", "VOLTAGE"), ("forces_age_max_ns=1000000", "STALE_FORCES")]
+    ("key", "fault"), [("voltage_min_v=32", "VOLTAGE"), ("velocity_max_radps=3", "JOINT_VELOCITY")]
 )
 def test_a_robot_that_faults_ends_with_three(ugv: Ugv, short_path: Path, tmp_path: Path, key: str, fault: str) -> None:
     done = ugv("sil", "uslgo1", short_path, "--set", f"safety.{key}", "--out", tmp_path / "faulty")

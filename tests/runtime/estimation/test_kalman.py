@@ -13,6 +13,7 @@ from runtime.models.inertial import InertialConfig
 from runtime.models.leg_dynamics import LegDynamics
 from runtime.models.leg_kinematics import LegKinematics
 from runtime.models.rigid_body import GRAVITY
+from runtime.models.rotations import yaw_of_quaternion
 from runtime.robots import load_configuration
 from runtime.robots.uslgo1.assembly import sizes
 
@@ -390,3 +391,133 @@ def test_saved_and_restored_it_estimates_the_same():
         other.task.restore(other.task.save())
     assert one.body.to_bytes() == other.body.to_bytes()
     assert one.task.save() == other.task.save()
+
+
+@pytest.mark.parametrize("shift", [-30 * MS, 200 * MS])
+def test_a_sample_out_of_time_is_rejected_and_counted(shift):
+    rig = Rig()
+    rig.step()
+    rig.imu.sequence, rig.imu.stamp_ns = rig.imu.sequence + 1, rig.now_ns + shift
+    rig.imu.angular_velocity = (0.0, 0.0, 1.0)
+    rig.step(fresh=False)
+    assert rig.body.imu_rejected == 1
+    assert rig.body.angular_velocity[2] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_spike_is_bridged_and_counted():
+    rig = Rig()
+    rig.step()
+    rig.imu.linear_acceleration = (0.0, 300.0, GRAVITY)
+    rig.step()
+    assert rig.body.imu_rejected == 1
+    assert abs(rig.body.linear_velocity[1]) < 1e-3
+
+
+def test_the_age_of_the_sample_is_that_of_the_one_that_was_used():
+    rig = Rig()
+    rig.step()
+    assert rig.body.imu_age_ns == 0
+    for missing in range(1, 4):
+        rig.step(fresh=False)
+        assert rig.body.imu_age_ns == missing * PERIOD_NS
+    rig.imu.angular_velocity = np.nan
+    rig.step()
+    assert rig.body.imu_age_ns == 4 * PERIOD_NS
+
+
+def test_without_samples_a_turn_does_not_go_on():
+    rig = Rig()
+    rig.imu.angular_velocity = (0.3, 0.0, 0.5)
+    for _ in range(3):
+        rig.step()
+    for _ in range(1000):
+        rig.step(fresh=False)
+    turned = pin.AngleAxis(pin.Quaternion(np.array(rig.body.orientation))).angle
+    assert turned < 0.6 * 1.5 * CONFIG.kalman.longest_step_s
+
+
+def falling(steps_ns):
+    """A body without contacts, stepped at the given intervals, with gravity alone acting."""
+    rig = Rig()
+    rig.gait.walking = True
+    rig.imu.linear_acceleration = (0.0, 0.0, GRAVITY + 1.0)
+    rig.step()
+    for step_ns in steps_ns:
+        rig.now_ns += step_ns - PERIOD_NS
+        rig.step()
+    return rig.body
+
+
+def test_a_step_after_skipped_ticks_counts_for_all_of_its_time():
+    steady, skipping = falling([PERIOD_NS] * 60), falling([PERIOD_NS] * 40 + [4 * PERIOD_NS] * 5)
+    assert skipping.linear_velocity[2] == pytest.approx(steady.linear_velocity[2], rel=0.02)
+    assert skipping.position[2] == pytest.approx(steady.position[2], abs=2e-3)
+
+
+def test_a_long_gap_counts_for_the_longest_step():
+    short, long = (falling([PERIOD_NS] * 20 + [gap_ns]) for gap_ns in (int(CONFIG.kalman.longest_step_s * 1e9), 3_000 * MS))
+    assert long.linear_velocity[2] == pytest.approx(short.linear_velocity[2], rel=1e-6)
+
+
+def disputed(rig, poses, jump=(4.0, -2.0, 0.0), yaw=0.5, scatter=0.0, rng=None):
+    """Poses from elsewhere, ten ticks apart."""
+    for _ in range(poses):
+        noise = np.zeros(3) if rng is None else scatter * rng.standard_normal(3)
+        rig.say(np.array((0.0, 0.0, 0.29)) + jump + noise, yaw)
+        for _ in range(10):
+            rig.step()
+
+
+def test_poses_that_agree_on_another_place_are_a_dispute_and_change_nothing():
+    rig = Rig()
+    rig.step()
+    disputed(rig, 25)
+    assert rig.body.localization_disputed == 25
+    assert rig.body.localization_rejected == 25
+    np.testing.assert_allclose(rig.body.position, (0.0, 0.0, 0.29), atol=0.01)
+    assert rig.body.localization_age_ns >= 250 * PERIOD_NS
+
+
+def test_poses_that_agree_on_nothing_are_no_dispute():
+    rig, rng = Rig(), np.random.default_rng(1)
+    rig.step()
+    disputed(rig, 25, scatter=3.0, rng=rng)
+    assert rig.body.localization_rejected == 25
+    assert rig.body.localization_disputed <= 2
+
+
+def test_a_pose_that_fits_ends_a_dispute():
+    rig = Rig()
+    rig.step()
+    disputed(rig, 5)
+    rig.say((0.0, 0.0, 0.29))
+    rig.step()
+    assert rig.body.localization_disputed == 0
+
+
+def test_a_jump_is_no_pose_however_long_there_was_none():
+    rig = Rig()
+    rig.task.state.covariance = 100.0 * np.eye(kalman.SIZE).ravel()
+    rig.step()
+    disputed(rig, 1, jump=(CONFIG.kalman.localization_jump_m + 0.1, 0.0, 0.0), yaw=0.0)
+    assert rig.body.localization_disputed == 1
+
+
+@pytest.mark.parametrize("balancing", [False, True])
+def test_a_reset_believes_the_localisation_where_the_robot_rests(balancing):
+    rig = Rig()
+    rig.step()
+    disputed(rig, 12)
+    rig.operator.reset, rig.gait.balancing = True, balancing
+    disputed(rig, 1)
+    if balancing:
+        np.testing.assert_allclose(rig.body.position, (0.0, 0.0, 0.29), atol=0.01)
+        assert rig.body.localization_disputed == 13
+        return
+    np.testing.assert_allclose(rig.body.position, (4.0, -2.0, 0.29), atol=0.01)
+    assert yaw_of_quaternion(np.array(rig.body.orientation)) == pytest.approx(0.5, abs=0.01)
+    np.testing.assert_allclose(rig.body.foot_position.reshape(4, 3).mean(axis=0)[:2], (4.0, -2.0), atol=0.05)
+    assert rig.body.localization_disputed == 0
+    disputed(rig, 5)
+    assert rig.body.localization_rejected == 13
+    assert rig.body.localization_disputed == 0

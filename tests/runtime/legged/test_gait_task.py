@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from runtime.legged.gait_task import GaitTask
-from runtime.signals import Mode, Stance
+from runtime.signals import Fault, Mode, Stance
 
 MS = 1_000_000
 
@@ -201,3 +201,33 @@ def test_the_search_of_a_lost_foot_begins_where_the_foot_is(bench, into_stance_m
         place = walk.robot.body.foot_position[2]
         walk.step(contact=[False, False, False, True])
     assert abs(walk.robot.gait.swing_position[2] - place) < 0.005
+
+
+@pytest.mark.parametrize("fault", [Fault.STALE_FORCES, Fault.STALE_BODY_COMMAND])
+@pytest.mark.parametrize("after_ms", [10, 150, 250, 390])
+def test_a_gait_that_nobody_leads_stops_when_the_feet_change(bench, fault, after_ms):
+    walk = Walk(bench())
+    walk.run(after_ms)
+    walk.robot.safety.halt = fault
+    half_ms = walk.robot.config.gait.period_ns // 2 // MS
+    walk.run(half_ms - after_ms % half_ms)
+    assert walk.robot.gait.walking, "feet in the air must land first"
+    walk.step()
+    walk.step()
+    assert not walk.robot.gait.walking
+    assert walk.robot.gait.contact.all()
+    walk.run(1000)
+    assert not walk.robot.gait.walking, "the old command does not start it again"
+    walk.robot.safety.halt = 0
+    walk.step()
+    assert walk.robot.gait.walking
+
+
+def test_a_robot_that_others_slow_down_walks_on_until_it_is_slow(bench):
+    walk = Walk(bench())
+    walk.robot.safety.halt = Fault.STALE_LOCALIZATION
+    walk.run(1000)
+    assert walk.robot.gait.walking
+    walk.robot.command.velocity = 0.0
+    walk.run(walk.robot.config.gait.period_ns // MS + 4)
+    assert not walk.robot.gait.walking

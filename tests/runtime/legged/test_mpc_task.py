@@ -181,3 +181,14 @@ def test_saved_and_restored_it_plans_the_same(bench):
         two.restore(two.save())
         two.step(now * MS)
     assert robot.forces.to_bytes() == other.forces.to_bytes()
+
+
+@pytest.mark.parametrize(("gap_ms", "counted_ms"), [(20, 20), (60, 60), (100, 100), (2000, 100)])
+def test_the_reference_moves_on_by_the_time_since_the_last_plan(bench, gap_ms, counted_ms):
+    robot = bench()
+    mpc = task(robot)
+    robot.gait.walking, robot.command.velocity = True, (0.3, 0.0)
+    mpc.step(1000 * MS)
+    before = mpc.state.reference_xy[0]
+    mpc.step((1000 + gap_ms) * MS)
+    assert mpc.state.reference_xy[0] - before == pytest.approx(0.3 * counted_ms * 1e-3, abs=1e-9)

@@ -107,3 +107,32 @@ def test_a_robot_that_stands_already_settles_quickly(bench):
     rig.robot.operator.motion, rig.robot.safety.mode = Motion.WALK, Mode.STANDING
     rig.run(0.32)
     assert rig.robot.posture.stance == Stance.STANDING
+
+
+@pytest.mark.parametrize("height_m", [0.14, 0.2, 0.29])
+def test_it_crouches_from_anywhere_in_bounded_time_and_without_a_jump(bench, height_m):
+    rig = Rig(bench())
+    config = rig.robot.config.posture
+    begin = rig.robot.robot.standing_angles(height_m) + 0.1
+    rig.robot.joints.position = begin
+    rig.robot.operator.motion, rig.robot.safety.mode = Motion.WALK, Mode.CROUCHING
+    trace = rig.run(config.crouch_s)
+    assert rig.robot.posture.stance == Stance.SITTING
+    np.testing.assert_allclose(trace[0], begin, atol=1e-3)
+    assert np.abs(np.diff(trace, axis=0)).max() < 0.02
+    rig.run(0.004)
+    assert rig.robot.posture.stance == Stance.RESTING
+    np.testing.assert_allclose(trace[-1], rig.robot.robot.standing_angles(config.crouching_height_m), atol=1e-3)
+
+
+def test_it_does_not_sit_down_while_it_walks(bench):
+    rig = Rig(bench())
+    rig.robot.joints.position = rig.upright
+    rig.robot.operator.motion, rig.robot.safety.mode = Motion.STAND, Mode.STANDING
+    rig.run(1.0)
+    rig.robot.operator.motion, rig.robot.safety.mode = Motion.SIT, Mode.ACTIVE
+    rig.run(0.5)
+    assert rig.robot.posture.stance == Stance.STANDING
+    rig.robot.safety.mode = Mode.STANDING
+    rig.run(0.1)
+    assert rig.robot.posture.stance == Stance.SITTING

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`ugv experiment faults`: what the robot does about each fault, beside what it is to do."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import multiprocessing
+import os
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+HEADER = ("fault", "answer expected", "seen", "within ms", "took ms", "joints", "verdict")
+
+
+class Outcome(NamedTuple):
+    """Trials of one fault at several phases of the gait.
+
+    Attributes:
+        name, expected: of the fault, and its answer.
+        seen: the answer, or the first that differs.
+        bound_ms, worst_ms: how soon it is due, and when it came at the latest.
+        joints_kept: whether no joint passed its limits before the robot was damped.
+        flaws: all that was not as it is to be, with the seed.
+    """
+
+    name: str
+    expected: str
+    seen: str
+    bound_ms: float
+    worst_ms: float
+    joints_kept: bool
+    flaws: tuple[str, ...]
+
+
+def try_fault(number: int, seeds: Sequence[int]) -> Outcome:
+    """Try one row of the table at the phases that the seeds choose."""
+    from runtime.robots import load_configuration
+    from sim_bridge.faults.table import ROWS
+    from sim_bridge.faults.trial import attempt, flaws
+
+    row = ROWS[number]
+    config = load_configuration("uslgo1", row.settings)
+    trials = [attempt(row, seed) for seed in seeds]
+    different = [trial for trial in trials if trial.answer != row.answer]
+    tried = zip(seeds, trials, strict=True)
+    found = [f"seed {seed}: {flaw}" for seed, trial in tried for flaw in flaws(row, trial, config)]
+    return Outcome(
+        row.name,
+        ", ".join(row.answer),
+        ", ".join((different or trials)[0].answer),
+        row.bound_ns(config) * 1e-6,
+        max(trial.time_ns for trial in trials) * 1e-6,
+        all(trial.joints_kept for trial in trials),
+        tuple(found),
+    )
+
+
+def run_faults(phases: int) -> int:
+    """Try every fault at some phases of the gait and print the table; 1 if anything is not as it is to be."""
+    from runtime.cli.console import print_table, progress_bar
+    from sim_bridge.faults.table import ROWS
+
+    context = multiprocessing.get_context("spawn")
+    workers = min(len(ROWS), os.cpu_count() or 1)
+    with (
+        progress_bar("faults") as progress,
+        concurrent.futures.ProcessPoolExecutor(workers, mp_context=context) as pool,
+    ):
+        running = [pool.submit(try_fault, number, range(phases)) for number in range(len(ROWS))]
+        for done, _ in enumerate(concurrent.futures.as_completed(running), start=1):
+            progress(done, len(ROWS))
+        outcomes = [trial.result() for trial in running]
+    print_table(f"Faults at {phases} random phases of the trot", HEADER, [_row(outcome) for outcome in outcomes])
+    for outcome in outcomes:
+        for flaw in outcome.flaws:
+            print(f"{outcome.name}, {flaw}")
+    return 1 if any(outcome.flaws for outcome in outcomes) else 0
+
+
+def _row(outcome: Outcome) -> tuple[Any, ...]:
+    return (
+        outcome.name,
+        outcome.expected,
+        outcome.seen,
+        round(outcome.bound_ms),
+        round(outcome.worst_ms),
+        "kept" if outcome.joints_kept else "PASSED",
+        "DIFFERS" if outcome.flaws else "as expected",
+    )
