@@ -108,7 +108,7 @@ class LoopRun:
         tick = self.tick
         self._timing.begin(tick.skipped)
         self._seen = [record for record, port in self._inputs if port.read(record, now_ns)]
-        self._lasting.update((record.topic, record) for record in self._seen if record.on_change)
+        self._lasting.update((record.topic, record) for record in self._seen)
         tick.consumed = [mailbox.deliver(now_ns) for mailbox in self.mailboxes]
         self._entries = self._key_frame() if self._key_frame_due() else []
         began = time.perf_counter_ns()
@@ -150,7 +150,7 @@ class LoopRun:
     def _key_frame(self) -> list[bytes]:
         """Every state as it is before the step; it is taken up again, as a replay will take it up.
 
-        Inputs that are logged on change are logged again with this tick, for a log that begins or goes on here.
+        Inputs that hold since an earlier tick are logged again with this one, for a log that begins or goes on here.
         """
         self._last_logged.clear()
         self._seen += [record for record in self._lasting.values() if record not in self._seen]

@@ -35,6 +35,7 @@ class StandardTopic:
         record: takes up each sample.
         encode: makes the message.
         due_ns: time before which no further message is made.
+        last: the sample that the last message was made of; a key-frame may log it again.
     """
 
     source: int
@@ -44,11 +45,13 @@ class StandardTopic:
     record: Record
     encode: Callable[[Any], bytes]
     due_ns: int = 0
+    last: bytes = b""
 
     def message(self, body: memoryview, now_ns: int) -> bytes | None:
-        """The message of a sample, or None if it is not yet time for one."""
-        if now_ns < self.due_ns:
+        """The message of a sample, or None if it is not yet time for one, or this one was sent."""
+        if now_ns < self.due_ns or body == self.last:
             return None
+        self.last = bytes(body)
         if self.period_ns:
             self.due_ns = (now_ns // self.period_ns + 1) * self.period_ns
         self.record.load(body)

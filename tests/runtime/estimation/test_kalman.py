@@ -455,7 +455,9 @@ def test_a_step_after_skipped_ticks_counts_for_all_of_its_time():
 
 
 def test_a_long_gap_counts_for_the_longest_step():
-    short, long = (falling([PERIOD_NS] * 20 + [gap_ns]) for gap_ns in (int(CONFIG.kalman.longest_step_s * 1e9), 3_000 * MS))
+    short, long = (
+        falling([PERIOD_NS] * 20 + [gap_ns]) for gap_ns in (int(CONFIG.kalman.longest_step_s * 1e9), 3_000 * MS)
+    )
     assert long.linear_velocity[2] == pytest.approx(short.linear_velocity[2], rel=1e-6)
 
 

@@ -132,8 +132,10 @@ class Sensor:
             record.stamp_ns = now_ns
             record.position = np.sin(now_ns * 2e-8 + np.arange(3)) + 0.01 * self.random.standard_normal(3)
             return True
+        if self.reads % 2:
+            return False
         record.stamp_ns = now_ns  # type: ignore[attr-defined]
-        return self.reads % 2 == 0
+        return True
 
 
 class Nowhere:
