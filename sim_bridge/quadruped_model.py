@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import product
+
 import mujoco
 import numpy as np
 
@@ -12,6 +15,9 @@ from sim_bridge.terrain import HeightField
 
 BASE_DEPTH_M = 1.0
 TERRAIN_BIT, ROBOT_BIT = 1, 2
+BUMPER_M = 0.02
+"""Radius of the spheres at the corners of the trunk, by which it touches the ground."""
+TRUNK_COLOR, LEG_COLOR = [0.25, 0.27, 0.30, 1.0], [0.85, 0.45, 0.15, 1.0]
 
 
 def build(description: Quadruped, config: SimulationConfig, terrain: HeightField | None) -> mujoco.MjModel:
@@ -33,14 +39,16 @@ def build(description: Quadruped, config: SimulationConfig, terrain: HeightField
     trunk.add_freejoint(name="trunk")
     trunk.add_site(name="imu")
     _set_inertia(trunk, description.trunk, 1.0)
-    _add_geom(
-        trunk,
-        "trunk",
-        solref,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[0.5 * side for side in description.trunk.box_m],
-        rgba=[0.25, 0.27, 0.30, 1],
+    half = [0.5 * side for side in description.trunk.box_m]
+    _add_shape(
+        trunk, name="trunk", type=mujoco.mjtGeom.mjGEOM_BOX, pos=description.trunk.center_m, size=half, rgba=TRUNK_COLOR
     )
+    for number, signs in enumerate(product((-1.0, 1.0), repeat=3)):
+        corner = [
+            middle + sign * (side - BUMPER_M)
+            for middle, sign, side in zip(description.trunk.center_m, signs, half, strict=True)
+        ]
+        _add_sphere(trunk, f"trunk_corner_{number}", solref, corner, BUMPER_M)
     for leg in range(len(FEET)):
         _add_leg(trunk, leg, description, config, solref)
     spec.add_sensor(
@@ -90,8 +98,26 @@ def _set_inertia(body: mujoco.MjsBody, link: Link, left: float) -> None:
     body.inertia = link.inertia_kg_m2()
 
 
-def _add_geom(body: mujoco.MjsBody, name: str, solref: list[float], **shape: object) -> None:
-    body.add_geom(name=name, contype=ROBOT_BIT, conaffinity=TERRAIN_BIT, condim=3, solref=solref, **shape)
+def _add_shape(body: mujoco.MjsBody, **shape: object) -> None:
+    """What is seen and touches nothing."""
+    body.add_geom(contype=0, conaffinity=0, **shape)
+
+
+def _add_sphere(
+    body: mujoco.MjsBody, name: str, solref: list[float], position: Sequence[float], radius_m: float, **more: object
+) -> None:
+    """What touches the ground: a sphere has one point of contact with it, where a long shape would have ten."""
+    body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        pos=position,
+        size=[radius_m, 0, 0],
+        contype=ROBOT_BIT,
+        conaffinity=TERRAIN_BIT,
+        condim=3,
+        solref=solref,
+        **more,
+    )
 
 
 def _add_leg(
@@ -119,22 +145,24 @@ def _add_leg(
         _set_inertia(parent, link, left)
         if name != "abad":
             length = description.thigh_length_m if name == "hip" else description.shank_length_m
-            _add_geom(
+            thickness = 0.6 * description.foot_radius_m
+            _add_shape(
                 parent,
-                f"{foot}_{name}",
-                solref,
+                name=f"{foot}_{name}",
                 type=mujoco.mjtGeom.mjGEOM_CAPSULE,
                 fromto=[0, 0, 0, 0, 0, -length],
-                size=[0.6 * description.foot_radius_m, 0, 0],
-                rgba=[0.85, 0.45, 0.15, 1],
+                size=[thickness, 0, 0],
+                rgba=LEG_COLOR,
             )
-    _add_geom(
+            # the upper end and the middle; the lower end is the next link's upper one, or the foot
+            for place, share in (("top", 0.0), ("middle", 0.5)):
+                _add_sphere(parent, f"{foot}_{name}_{place}", solref, [0, 0, -share * length], thickness)
+    _add_sphere(
         parent,
         f"{foot}_foot",
         solref,
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        pos=[0, 0, -description.shank_length_m],
-        size=[description.foot_radius_m, 0, 0],
+        [0, 0, -description.shank_length_m],
+        description.foot_radius_m,
         friction=[0.1, 0.005, 0.0001],
         rgba=[0.1, 0.1, 0.1, 1],
     )
