@@ -47,7 +47,7 @@ if [ -z "$destdir" ]; then
 fi
 remove_files
 rm -f "$shipped"
-rm -rf "${destdir:?}$opt/venv" "$destdir/var/cache/ugv" "$destdir/run/ugv"
+rm -rf "$destdir/opt/ugv/venv" "$destdir/var/cache/ugv" "$destdir/run/ugv"
 remove_directories
 if [ -z "$destdir" ]; then
     systemctl daemon-reload

@@ -69,7 +69,7 @@ def probe(installed):
     for unit in UNITS:
         command = shown(unit, "ExecStart").split("argv[]=")[1].split(" ;")[0].split()[1:]
         drop_in = DROP_INS / f"{unit}.d" / "stand-in.conf"
-        drop_in.parent.mkdir(parents=True)
+        drop_in.parent.mkdir(parents=True, exist_ok=True)
         drop_in.write_text(
             f"[Service]\nExecStart=\nExecStart=/opt/ugv/venv/bin/python -I {STAND_IN} {' '.join(command)}\n"
         )
@@ -79,9 +79,7 @@ def probe(installed):
     systemctl("stop", "ugv.target")
     listening.close()
     for unit in UNITS:
-        drop_in = DROP_INS / f"{unit}.d" / "stand-in.conf"
-        drop_in.unlink()
-        drop_in.parent.rmdir()
+        (DROP_INS / f"{unit}.d" / "stand-in.conf").unlink()
     systemctl("daemon-reload")
     systemctl("reset-failed")
 
