@@ -153,12 +153,18 @@ class QuadrupedWorld:
     def push(self, begin_ns: int, duration_ns: int, direction_rad: float, force_n: float) -> None:
         """Push the trunk at its centre of mass; the direction is relative to its present yaw and then stays."""
         angle = self.yaw + direction_rad
-        self._push = begin_ns, begin_ns + duration_ns, force_n * np.array([math.cos(angle), math.sin(angle), 0.0])
+        wrench = force_n * np.array([math.cos(angle), math.sin(angle), 0.0, 0.0, 0.0, 0.0])
+        self._push = begin_ns, begin_ns + duration_ns, wrench
+
+    def roll(self, begin_ns: int, duration_ns: int, moment_nm: float) -> None:
+        """Turn the trunk about its present forward axis, to the right if the moment is positive."""
+        wrench = moment_nm * np.array([0.0, 0.0, 0.0, math.cos(self.yaw), math.sin(self.yaw), 0.0])
+        self._push = begin_ns, begin_ns + duration_ns, wrench
 
     def _apply_push(self, now_ns: int) -> None:
         assert self._push is not None
-        begin_ns, end_ns, force = self._push
-        self.data.xfrc_applied[self._trunk, :3] = force if begin_ns <= now_ns < end_ns else 0.0
+        begin_ns, end_ns, wrench = self._push
+        self.data.xfrc_applied[self._trunk] = wrench if begin_ns <= now_ns < end_ns else 0.0
 
     # -- truth ----------------------------------------------------------------------------------------------------
 

@@ -33,6 +33,7 @@ class EstimatorMemory(LocalizationMemory, StanceMemory):
 
     rate = float64_array(3, "rad/s", "last good sample")
     acceleration = float64_array(3, "m/s^2", "last good sample")
+    last_sample = float64_array(6, "m/s^2, rad/s", "good or not")
     imu_sequence = int64()
     imu_stamp_ns = int64("ns", "of the last good sample")
     imu_taken_ns = int64("ns", "when that was taken up")
@@ -134,7 +135,9 @@ def _sample(
     if imu.sequence != memory.imu_sequence:
         memory.imu_sequence = imu.sequence
         in_order = memory.imu_stamp_ns <= imu.stamp_ns <= now_ns + int(config.longest_step_s * 1e9)
-        if in_order and is_finite_sample(imu) and is_plausible(inertials[0], imu, memory.acceleration, memory.rate):
+        good, last = np.concatenate((memory.acceleration, memory.rate)), memory.last_sample.copy()
+        memory.last_sample[:3], memory.last_sample[3:] = imu.linear_acceleration, imu.angular_velocity
+        if in_order and is_finite_sample(imu) and is_plausible(inertials[0], imu, good, last):
             memory.rate[:] = imu.angular_velocity
             memory.acceleration[:] = imu.linear_acceleration
             memory.imu_stamp_ns, memory.imu_taken_ns = imu.stamp_ns, now_ns

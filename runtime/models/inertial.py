@@ -22,7 +22,7 @@ class InertialConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         acceleration_max_mps2, rate_max_radps: largest magnitudes.
-        acceleration_jump_mps2, rate_jump_radps: largest magnitudes of the difference from the last good sample.
+        acceleration_jump_mps2, rate_jump_radps: largest magnitudes of the difference from one sample to the next.
     """
 
     acceleration_max_mps2: Positive = 160.0
@@ -38,13 +38,27 @@ def is_finite_sample(imu: Imu) -> bool:
 
 
 @compiled
-def is_plausible(config: InertialConfig, imu: Imu, acceleration: Array, rate: Array) -> bool:
-    """Whether a finite sample is within its bounds, and follows the last good one (`acceleration`, `rate`)."""
-    return bool(
+def is_plausible(config: InertialConfig, imu: Imu, good: Array, last: Array) -> bool:
+    """Whether a finite sample is within its bounds, and follows from another.
+
+    Args:
+        config: bounds.
+        imu: the sample.
+        good: last good sample, specific force and angular velocity, (6,).
+        last: last sample, good or not: of two in a row that agree, the second is believed.
+    """
+    bounded = (
         _size(imu.linear_acceleration) <= config.acceleration_max_mps2
         and _size(imu.angular_velocity) <= config.rate_max_radps
-        and _size(imu.linear_acceleration - acceleration) <= config.acceleration_jump_mps2
-        and _size(imu.angular_velocity - rate) <= config.rate_jump_radps
+    )
+    return bounded and (_follows(config, imu, good) or _follows(config, imu, last))
+
+
+@compiled
+def _follows(config: InertialConfig, imu: Imu, before: Array) -> bool:
+    return bool(
+        _size(imu.linear_acceleration - before[:3]) <= config.acceleration_jump_mps2
+        and _size(imu.angular_velocity - before[3:]) <= config.rate_jump_radps
     )
 
 

@@ -47,8 +47,8 @@ class SafetyMemory(Record):
     imu_seen_ns = int64("ns", "stamp of the last one")
     imu_fault = uint32("", "what was wrong with that")
     imu_alike = uint32("", "samples in a row that are alike")
-    acceleration = float64_array(3, "m/s^2", "last good sample")
-    rate = float64_array(3, "rad/s", "last good sample")
+    good = float64_array(6, "m/s^2, rad/s", "last good sample: specific force, angular velocity")
+    last = float64_array(6, "m/s^2, rad/s", "last sample")
     reply_ns = int64_array("joint", "ns", "replies of the tick before")
     missing = uint32_array("joint", "", "ticks in a row without a reply")
     unsaturated_ns = int64_array("joint", "ns", "when each joint last gave less than its saturation")
@@ -114,12 +114,12 @@ def inertial_faults(config: SafetyConfig, inertial: InertialConfig, memory: Safe
         memory.imu_seen_ns = imu.stamp_ns
         memory.imu_fault = _flaw(inertial, memory, imu, now_ns + config.imu_age_max_ns)
         if memory.imu_fault == 0:
-            alike = (imu.linear_acceleration == memory.acceleration).all()
-            alike = alike and (imu.angular_velocity == memory.rate).all()
+            alike = (imu.linear_acceleration == memory.good[:3]).all()
+            alike = alike and (imu.angular_velocity == memory.good[3:]).all()
             memory.imu_alike = memory.imu_alike + 1 if alike else 1
             memory.imu_ns = imu.stamp_ns
-            memory.acceleration[:] = imu.linear_acceleration
-            memory.rate[:] = imu.angular_velocity
+            memory.good[:3], memory.good[3:] = imu.linear_acceleration, imu.angular_velocity
+        memory.last[:3], memory.last[3:] = imu.linear_acceleration, imu.angular_velocity
     found = int(memory.imu_fault)
     if now_ns - memory.imu_ns > config.imu_age_max_ns:
         found |= Fault.STALE_IMU.value
@@ -134,7 +134,7 @@ def _flaw(inertial: InertialConfig, memory: SafetyMemory, imu: Imu, latest_ns: i
         return Fault.NON_FINITE_SENSOR.value
     if imu.stamp_ns < memory.imu_ns or imu.stamp_ns > latest_ns:
         return Fault.IMU_TIME.value
-    if not is_plausible(inertial, imu, memory.acceleration, memory.rate):
+    if not is_plausible(inertial, imu, memory.good, memory.last):
         return Fault.IMPLAUSIBLE_IMU.value
     return 0
 

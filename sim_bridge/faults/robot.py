@@ -20,9 +20,14 @@ def late(loop: str, delay_ns: int) -> Inject:
     return inject
 
 
+def rolled_over(wires: Wires, begin_ns: int, end_ns: int) -> None:
+    """Somebody lifts the robot on one side until it lies on the other."""
+    wires.world.roll(begin_ns, 600_000_000, float(wires.rng.choice((-1.0, 1.0))) * 50.0)
+
+
 def pushed_over(wires: Wires, begin_ns: int, end_ns: int) -> None:
-    """Somebody throws the robot over."""
-    wires.world.push(begin_ns, 150_000_000, float(wires.rng.choice((-0.5, 0.5))) * np.pi, 600.0)
+    """Somebody throws the robot over, so that its legs fold."""
+    wires.world.push(begin_ns, 150_000_000, float(wires.rng.choice((-0.5, 0.5))) * np.pi, 260.0)
 
 
 def bad_command(wires: Wires, begin_ns: int, end_ns: int) -> None:

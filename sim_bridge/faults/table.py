@@ -180,7 +180,8 @@ ROWS = (
     Row("WBC overruns, 3 in a row", late("wbc", 3 * MS), PAUSE, stood(ticks(6)), 12 * MS, Fault.LATE_LOOP, SKIPPED),
     Row("WBC overruns, 5 in a row", late("wbc", 3 * MS), DAMP, overrun, fault=Fault.OVERRUNS, counted=SKIPPED),
     Row("WBC stalls for 15 ms", late("wbc", 15 * MS), WALK_ON, at_once, 2 * MS, counted=SKIPPED),
-    Row("thrown over", robot.pushed_over, DAMP, lambda config: 2 * NS_PER_SECOND, fault=Fault.TILT),
+    Row("rolled over", robot.rolled_over, DAMP, lambda config: 2 * NS_PER_SECOND, fault=Fault.TILT),
+    Row("thrown over", robot.pushed_over, DAMP, lambda config: 2 * NS_PER_SECOND, forced=True),
     Row("command not finite", robot.bad_command, DAMP, ticks(1), fault=Fault.NON_FINITE_COMMAND, replays=False),
     Row(
         "operator silent",

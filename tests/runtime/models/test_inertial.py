@@ -9,7 +9,8 @@ from runtime.models.inertial import InertialConfig, is_finite_sample, is_plausib
 from runtime.signals import Imu
 
 CONFIG = InertialConfig()
-DOWN, STILL = np.array((0.0, 0.0, 9.81)), np.zeros(3)
+DOWN, STILL = (0.0, 0.0, 9.81), (0.0, 0.0, 0.0)
+RESTING = np.array(DOWN + STILL)
 
 
 def sample(acceleration=DOWN, rate=STILL):
@@ -39,10 +40,24 @@ def test_every_number_must_be_finite(which, value):
     ],
 )
 def test_magnitude_and_change_have_their_bounds(acceleration, rate, plausible):
-    assert is_plausible(table_of(CONFIG)[0], sample(acceleration, rate), DOWN, STILL) == plausible
+    assert is_plausible(table_of(CONFIG)[0], sample(acceleration, rate), RESTING, RESTING) == plausible
 
 
 def test_a_fast_turn_is_plausible_after_another():
-    before = np.array((0.0, 30.0, 0.0))
-    assert is_plausible(table_of(CONFIG)[0], sample(rate=(0.0, 33.0, 0.0)), DOWN, before)
-    assert not is_plausible(table_of(CONFIG)[0], sample(rate=(0.0, 36.0, 0.0)), DOWN, before)
+    before = np.array((*DOWN, 0.0, 30.0, 0.0))
+    assert is_plausible(table_of(CONFIG)[0], sample(rate=(0.0, 33.0, 0.0)), before, before)
+    assert not is_plausible(table_of(CONFIG)[0], sample(rate=(0.0, 36.0, 0.0)), before, before)
+
+
+def test_of_two_in_a_row_that_agree_the_second_is_believed():
+    thrown = np.array((120.0, 0.0, 0.0, 0.0, 12.0, 0.0))
+    config, now = table_of(CONFIG)[0], sample((110.0, 10.0, 0.0), (0.0, 13.0, 0.0))
+    assert not is_plausible(config, now, RESTING, RESTING)
+    assert is_plausible(config, now, RESTING, thrown)
+    assert is_plausible(config, sample(), RESTING, thrown), "after a spike all is as before"
+
+
+def test_nothing_follows_from_what_is_no_number():
+    nothing = np.full(6, np.nan)
+    assert is_plausible(table_of(CONFIG)[0], sample(), RESTING, nothing)
+    assert not is_plausible(table_of(CONFIG)[0], sample(), nothing, nothing)
