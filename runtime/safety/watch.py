@@ -49,6 +49,7 @@ class SafetyMemory(Record):
     imu_alike = uint32("", "samples in a row that are alike")
     good = float64_array(6, "m/s^2, rad/s", "last good sample: specific force, angular velocity")
     last = float64_array(6, "m/s^2, rad/s", "last sample")
+    excess = float64_array("joint", "rad", "by which each joint was beyond its limits when power came, and still is")
     reply_ns = int64_array("joint", "ns", "replies of the tick before")
     missing = uint32_array("joint", "", "ticks in a row without a reply")
     unsaturated_ns = int64_array("joint", "ns", "when each joint last gave less than its saturation")
@@ -97,8 +98,8 @@ def faults(
     found |= body_faults(config, inputs.body[0], inputs.battery[0].voltage)
     found |= loop_faults(config, memory, inputs.timing[0], now_ns)
     found |= plan_faults(config, memory, inputs.gait[0], inputs.forces[0], inputs.body_command[0], now_ns)
+    found |= position_faults(config, memory, low, high, joints, powered)
     if powered:
-        found |= position_faults(config, low, high, joints)
         found |= operator_faults(config, inputs.operator[0], now_ns)
     if inputs.operator[0].emergency_stop:
         found |= Fault.EMERGENCY_STOP.value
@@ -236,13 +237,23 @@ def plan_faults(
 
 
 @compiled
-def position_faults(config: SafetyConfig, low: Array, high: Array, joints: JointState) -> int:
-    """A joint far beyond its limits, or at a position that is no number."""
+def position_faults(
+    config: SafetyConfig, memory: SafetyMemory, low: Array, high: Array, joints: JointState, powered: bool
+) -> int:
+    """A joint under power that is far beyond its limits, or at a position that is no number.
+
+    One that has sunk beyond them without power may come back, but not go further.
+    """
+    found = 0
     for joint in range(low.shape[0]):
         beyond = max(joints.position[joint] - high[joint], low[joint] - joints.position[joint])
-        if not beyond <= config.position_margin_rad:
-            return Fault.JOINT_POSITION.value
-    return 0
+        if not powered:
+            memory.excess[joint] = max(beyond, 0.0)
+        elif not beyond <= memory.excess[joint] + config.position_margin_rad:
+            found = Fault.JOINT_POSITION.value
+        else:
+            memory.excess[joint] = min(memory.excess[joint], max(beyond, 0.0))
+    return found
 
 
 @compiled

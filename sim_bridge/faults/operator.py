@@ -16,7 +16,7 @@ from sim_bridge.faults.wires import Inject, Wires
 from sim_bridge.script import PRIORITY, SOURCE
 
 
-def _insert(wires: Wires, topic: str, at_ns: int, acts: list[Callable[[Any], None]]) -> None:
+def insert(wires: Wires, topic: str, at_ns: int, acts: list[Callable[[Any], None]]) -> None:
     """Put records of one's own before those of a port, from a time on, one a read."""
     port, acts = wires.inputs[topic], list(acts)
 
@@ -46,7 +46,7 @@ def operator_says(*acts: Callable[[OperatorEvent], None]) -> Inject:
 
     def inject(wires: Wires, begin_ns: int, end_ns: int) -> None:
         silent(topics.OPERATOR_EVENT)(wires, begin_ns, end_ns)
-        _insert(wires, topics.OPERATOR_EVENT, begin_ns, list(acts))
+        insert(wires, topics.OPERATOR_EVENT, begin_ns, list(acts))
 
     return inject
 
@@ -55,14 +55,14 @@ def interrupted(*acts: Callable[[OperatorEvent], None]) -> Inject:
     """Events of others among those of the operator."""
 
     def inject(wires: Wires, begin_ns: int, end_ns: int) -> None:
-        _insert(wires, topics.OPERATOR_EVENT, begin_ns, list(acts))
+        insert(wires, topics.OPERATOR_EVENT, begin_ns, list(acts))
 
     return inject
 
 
 def walks_again(wires: Wires, at_ns: int) -> None:
     """The operator asks to walk anew, once there is a robot to ask."""
-    _insert(wires, topics.OPERATOR_EVENT, at_ns, [says(Request.MOTION, Motion.WALK)])
+    insert(wires, topics.OPERATOR_EVENT, at_ns, [says(Request.MOTION, Motion.WALK)])
 
 
 def bad_path(wires: Wires, begin_ns: int, end_ns: int) -> None:
@@ -72,7 +72,7 @@ def bad_path(wires: Wires, begin_ns: int, end_ns: int) -> None:
         path.count, path.speed = 3, 0.5
         path.x[:3], path.y[:3] = (0.0, np.nan, 1.0), 0.0
 
-    _insert(wires, topics.PATH, begin_ns, [act])
+    insert(wires, topics.PATH, begin_ns, [act])
 
 
 def nonsense(event: OperatorEvent) -> None:

@@ -38,7 +38,7 @@ class Wires:
     world: QuadrupedWorld
     inputs: dict[str, InputPort]
     tasks: dict[str, Task]
-    rng: np.random.Generator
+    rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     delays: dict[str, Callable[[int], int]] = field(default_factory=dict)
     events: list[Callable[[int], None]] = field(default_factory=list)
 

@@ -536,6 +536,31 @@ def test_opposite_infinities_do_not_cancel():
     assert rig.damping
 
 
+def test_a_joint_that_sank_beyond_its_limits_without_power_may_come_back_but_not_go_further():
+    rig = Rig(Mode.STANDBY)
+    rig.posture.stance = Stance.RESTING
+    for beyond in (0.5, 0.4, 0.55, 0.3, 0.1, 0.0):
+        rig.joints.position[4] = rig.high[4] + beyond
+        rig.step()
+        assert rig.status.mode == Mode.STANDING
+    rig.joints.position[4] = rig.high[4] + CONFIG.position_margin_rad + 0.01
+    rig.step()
+    assert Fault(rig.status.fault) == Fault.JOINT_POSITION
+
+
+@pytest.mark.parametrize("beyond", [0.66, np.nan])
+def test_a_sunken_joint_that_goes_further_damps(beyond):
+    rig = Rig(Mode.STANDBY)
+    rig.posture.stance = Stance.RESTING
+    rig.joints.position[4] = rig.high[4] + 0.5
+    rig.step()
+    assert rig.step().mode == Mode.STANDING
+    rig.joints.position[4] = rig.high[4] + beyond
+    rig.step()
+    assert rig.damping
+    assert Fault(rig.status.fault) == Fault.JOINT_POSITION
+
+
 def test_a_drive_that_reports_no_temperature_is_not_hot():
     rig = Rig()
     rig.joints.temperature = np.nan
