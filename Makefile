@@ -21,7 +21,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: sil venv test test-guest test-service lint claims faults bench clean
+.PHONY: sil venv test test-guest test-service lint fuzz claims faults kills bench clean
 .DEFAULT_GOAL := sil
 
 sil: venv  ## Walk USLGO1 round the 6 cm circle.

@@ -79,7 +79,7 @@ class BagWriter:
                     undo.callback(os.close, self._reserve)
                 self._output, self._descriptor = open_output(self.path)
                 undo.callback(self._release)
-                self._file = McapFile(self._output, options.compression)
+                self._file = McapFile(self._output, options.compression, directory=directory)
                 self._declare(setup)
             except FileExistsError:
                 if not directory.is_dir():

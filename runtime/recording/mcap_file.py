@@ -11,8 +11,10 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
+from tempfile import SpooledTemporaryFile
 from typing import Protocol
 
 import zstandard
@@ -44,6 +46,7 @@ _CDR_FIELDS = _CDR_MESSAGE.size - 9
 _CHUNK = struct.Struct("<BQQQQI")
 _INDEX = struct.Struct("<BQHI")
 _FOOTER = struct.Struct("<BQQQ")
+_INDEX_IN_MEMORY_BYTES = 1 << 20
 
 
 class Output(Protocol):
@@ -73,6 +76,7 @@ class McapFile:
         output: unbuffered.
         compression: "zstd", or "" for none.
         level: of the compression.
+        directory: for a nameless file with the index of the chunks, once that is large; None for the system's own.
 
     Attributes:
         message_counts: messages by channel, in the chunks written so far.
@@ -80,7 +84,9 @@ class McapFile:
         open_bytes: size of the open chunk so far.
     """
 
-    def __init__(self, output: Output, compression: str = "zstd", level: int = 1) -> None:
+    def __init__(
+        self, output: Output, compression: str = "zstd", level: int = 1, directory: Path | None = None
+    ) -> None:
         self._output, self._compression = output, compression
         self._compress: Callable[[bytes], bytes] | None = None
         if compression == "zstd":
@@ -90,7 +96,9 @@ class McapFile:
         self._channels: list[ChannelRecord] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self._chunks: list[ChunkIndex] = []
+        place = None if directory is None else str(directory)
+        self._chunks = SpooledTemporaryFile(_INDEX_IN_MEMORY_BYTES, dir=place)  # noqa: SIM115 # closed by finish()
+        self._chunk_count = 0
         self._indices: list[list[int]] = [[]]
         self.message_counts: list[int] = [0]
         self.start_ns, self.end_ns = 0, 0
@@ -201,48 +209,65 @@ class McapFile:
                 entries.clear()
         start = self._position
         self._append(b"".join(parts))
-        self.start_ns = min(self.start_ns, self._chunk_start_ns) if self._chunks else self._chunk_start_ns
-        self.end_ns = max(self.end_ns, self._chunk_end_ns) if self._chunks else self._chunk_end_ns
+        self.start_ns = min(self.start_ns, self._chunk_start_ns) if self._chunk_count else self._chunk_start_ns
+        self.end_ns = max(self.end_ns, self._chunk_end_ns) if self._chunk_count else self._chunk_end_ns
         for channel, number in counted:
             self.message_counts[channel] += number
-        self._chunks.append(
-            ChunkIndex(
-                message_start_time=self._chunk_start_ns,
-                message_end_time=self._chunk_end_ns,
-                chunk_start_offset=start,
-                chunk_length=chunk_length,
-                message_index_offsets=offsets,
-                message_index_length=position - start - chunk_length,
-                compression=self._compression,
-                compressed_size=len(data),
-                uncompressed_size=len(raw),
-            )
+        index = ChunkIndex(
+            message_start_time=self._chunk_start_ns,
+            message_end_time=self._chunk_end_ns,
+            chunk_start_offset=start,
+            chunk_length=chunk_length,
+            message_index_offsets=offsets,
+            message_index_length=position - start - chunk_length,
+            compression=self._compression,
+            compressed_size=len(data),
+            uncompressed_size=len(raw),
         )
+        self._chunks.write(serialised(index))
+        self._chunk_count += 1
 
     def finish(self) -> None:
-        """Close the open chunk and write the summary; the output stays open."""
+        """Close the open chunk and write the summary; the output stays open.
+
+        Raises:
+            OSError: if it cannot be written; the file then ends with its last chunk.
+        """
         self.close_chunk()
-        start = self._position + len(serialised(DataEnd(0)))
-        groups: list[tuple[Opcode, Sequence[McapRecord]]] = [
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, self._chunks),
-            (Opcode.ATTACHMENT_INDEX, self._attachments),
-            (Opcode.METADATA_INDEX, self._metadata),
-        ]
-        summary, offsets = RecordBuilder(), RecordBuilder()
-        for opcode, records in groups:
-            begin = summary.count
-            for record in records:
-                record.write(summary)
-            if records:
-                SummaryOffset(opcode, start + begin, summary.count - begin).write(offsets)
-        offset_start = start + summary.count
-        body: bytes = summary.end() + offsets.end()  # type: ignore[no-untyped-call]
-        checksum = zlib.crc32(_FOOTER.pack(Opcode.FOOTER, 20, start, offset_start), zlib.crc32(body))
+        end = self._position
+        try:
+            self._write_summary()
+        except OSError:
+            self._position = self._output.seek(end)
+            self._output.truncate(end)
+            raise
+        self._chunks.close()
+
+    def _write_summary(self) -> None:
+        self._append(serialised(DataEnd(0)))
+        start, checksum, offsets = self._position, 0, b""
+        for opcode, pieces in self._summary():
+            begin = self._position
+            for piece in pieces:
+                self._append(piece)
+                checksum = zlib.crc32(piece, checksum)
+            if self._position > begin:
+                offsets += serialised(SummaryOffset(opcode, begin, self._position - begin))
+        offset_start = self._position
+        head = _FOOTER.pack(Opcode.FOOTER, 20, start, offset_start)
+        checksum = zlib.crc32(head, zlib.crc32(offsets, checksum))
         footer = serialised(Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=checksum))
-        self._append(serialised(DataEnd(0)) + body + footer + MCAP0_MAGIC)
+        self._append(offsets + footer + MCAP0_MAGIC)
+
+    def _summary(self) -> Iterator[tuple[Opcode, Iterable[bytes]]]:
+        """The groups of records in the summary; the index of the chunks, which may be long, in pieces."""
+        self._chunks.seek(0)
+        yield Opcode.SCHEMA, map(serialised, self._schemas)
+        yield Opcode.CHANNEL, map(serialised, self._channels)
+        yield Opcode.STATISTICS, [serialised(self._statistics())]
+        yield Opcode.CHUNK_INDEX, iter(partial(self._chunks.read, _INDEX_IN_MEMORY_BYTES), b"")
+        yield Opcode.ATTACHMENT_INDEX, map(serialised, self._attachments)
+        yield Opcode.METADATA_INDEX, map(serialised, self._metadata)
 
     def _statistics(self) -> Statistics:
         counts = {channel: number for channel, number in enumerate(self.message_counts) if number}
@@ -250,7 +275,7 @@ class McapFile:
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=counts,
-            chunk_count=len(self._chunks),
+            chunk_count=self._chunk_count,
             message_count=sum(counts.values()),
             message_end_time=self.end_ns,
             message_start_time=self.start_ns,
