@@ -70,7 +70,8 @@ def run_faults(phases: int) -> int:
         for done, _ in enumerate(concurrent.futures.as_completed(running), start=1):
             progress(done, len(ROWS))
         outcomes = [trial.result() for trial in running]
-    print_table(f"Faults at {phases} random phases of the trot", HEADER, [_row(outcome) for outcome in outcomes])
+    title = f"Faults, each at {phases} random phase{'' if phases == 1 else 's'} of the trot"
+    print_table(title, HEADER, [_row(outcome) for outcome in outcomes])
     for outcome in outcomes:
         for flaw in outcome.flaws:
             print(f"{outcome.name}, {flaw}")

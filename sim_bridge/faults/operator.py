@@ -75,6 +75,16 @@ def bad_path(wires: Wires, begin_ns: int, end_ns: int) -> None:
     insert(wires, topics.PATH, begin_ns, [act])
 
 
+def asks_for(forward: float, lateral: float, yaw_rate: float) -> Any:
+    """Something that fills an event by which the operator steers, m/s and rad/s."""
+
+    def act(event: OperatorEvent) -> None:
+        event.request, event.source, event.priority = Request.VELOCITY, SOURCE, PRIORITY
+        event.velocity = (forward, lateral, yaw_rate)
+
+    return act
+
+
 def nonsense(event: OperatorEvent) -> None:
     """A request that there is none of."""
     event.request = 200

@@ -10,7 +10,7 @@ from runtime.robots.uslgo1.config import NS_PER_SECOND, Uslgo1Config
 from runtime.signals import Fault, Motion, Request
 from sim_bridge.courses import scenario
 from sim_bridge.faults import buses, operator, robot, sensors
-from sim_bridge.faults.operator import interrupted, operator_says, says
+from sim_bridge.faults.operator import asks_for, interrupted, operator_says, says
 from sim_bridge.faults.robot import late
 from sim_bridge.faults.sensors import silent
 from sim_bridge.faults.trial import Row
@@ -85,6 +85,11 @@ def pose_disputed(config: Uslgo1Config) -> int:
 def lease_over(config: Uslgo1Config) -> int:
     """Until the lease of a silent operator is over."""
     return config.authority.lease_ns + PERIOD_NS
+
+
+def velocity_old(config: Uslgo1Config) -> int:
+    """Until the velocity that was asked for is too old."""
+    return config.tracker.velocity.age_max_ns
 
 
 def plan_missing(config: Uslgo1Config) -> int:
@@ -192,6 +197,7 @@ ROWS = (
         Fault.NO_LEASE,
         mended=operator.walks_again,
     ),
+    Row("velocity silent", interrupted(asks_for(0.4, 0.1, 0.3)), STAND, stood(velocity_old)),
     Row(
         "lease released",
         operator_says(says(Request.RELEASE)),

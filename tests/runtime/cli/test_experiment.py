@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`ugv experiment` and `ugv bench` print their figures beside what they are compared with."""
 
+import concurrent.futures
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +13,7 @@ from runtime.cli import main as cli
 from runtime.cli.batch import Job
 from runtime.cli.bench import dense_inference, percentiles
 from runtime.cli.experiment import BASELINE, S_CURVE, average
+from runtime.cli.experiment_faults import Outcome
 from runtime.tracking.fuzzy import infer
 
 
@@ -61,3 +63,32 @@ def test_the_fuzzy_yardstick_agrees(e: float, ec: float) -> None:
 
 def test_percentiles_are_median_high_and_largest() -> None:
     assert percentiles(range(101)) == (50.0, 99.0, 100.0)
+
+
+@pytest.mark.parametrize("flaws", [(), ("seed 1: answer is walk on",)])
+def test_faults_are_printed_beside_their_answers_and_a_difference_fails(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], flaws: tuple[str, ...]
+) -> None:
+    class Pool:
+        def __init__(self, *_: Any, **__: Any) -> None:
+            pass
+
+        def __enter__(self) -> "Pool":
+            return self
+
+        def __exit__(self, *_: Any) -> None:
+            pass
+
+        def submit(self, function: Any, number: int, seeds: range) -> concurrent.futures.Future[Outcome]:
+            done: concurrent.futures.Future[Outcome] = concurrent.futures.Future()
+            found = flaws if number == 3 else ()
+            done.set_result(Outcome(f"fault {number}", "damp", "damp", 12.0, 8.0, True, found))
+            assert list(seeds) == [0, 1]
+            return done
+
+    monkeypatch.setattr(concurrent.futures, "ProcessPoolExecutor", Pool)
+    assert cli.main(["experiment", "faults", "--seeds", "2"]) == (1 if flaws else 0)
+    out = capsys.readouterr().out
+    assert "fault 3" in out
+    assert ("fault 3, seed 1: answer is walk on" in out) == bool(flaws)
+    assert out.count("DIFFERS") == len(flaws)
