@@ -16,7 +16,7 @@ from runtime.recording.recover import recover
 pytestmark = pytest.mark.xdist_group("walk")
 
 Ugv = Callable[..., subprocess.CompletedProcess[str]]
-TASKS = ("decode", "estimator", "posture", "gait", "locomotion", "safety", "encode", "tracker", "mpc")
+TASKS = ("decode", "authority", "estimator", "posture", "gait", "locomotion", "safety", "encode", "tracker", "mpc")
 NO_MUJOCO = """
 import sys
 class Refuse:

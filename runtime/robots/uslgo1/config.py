@@ -28,7 +28,7 @@ from runtime.robots.simulation import ScenarioConfig, SimulationConfig
 from runtime.safety.authority import AuthorityConfig
 from runtime.safety.config import SafetyConfig
 from runtime.safety.limits import joint_bounds
-from runtime.tracking.tracker import TrackerConfig
+from runtime.tracking.tracker_config import TrackerConfig
 
 NS_PER_SECOND = 1_000_000_000
 Pair = tuple[float, float]

@@ -12,7 +12,8 @@ import pytest
 
 from runtime.signals import BodyCommand, BodyState, OperatorRequest, Path, SafetyStatus
 from runtime.tracking.paths import Polyline
-from runtime.tracking.tracker import PathTracker, TrackerConfig
+from runtime.tracking.tracker import PathTracker
+from runtime.tracking.tracker_config import TrackerConfig
 
 SIZES = {"path": 512, "foot": 4, "foot_xyz": 12, "joint": 12}
 

@@ -16,7 +16,7 @@ from runtime.tracking.speed import (
     regulated_speed,
     surface_stretch,
 )
-from runtime.tracking.tracker import TrackerConfig
+from runtime.tracking.tracker_config import TrackerConfig
 from runtime.tracking.turn import TurnLimits, needs_turn, turn_rate
 
 LIMITS = SpeedLimits()

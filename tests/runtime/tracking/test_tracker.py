@@ -6,7 +6,8 @@ import pytest
 
 from runtime.tracking.look_ahead import FixedLookAhead, FuzzyLookAhead
 from runtime.tracking.paths import circle, line, s_curve, straight
-from runtime.tracking.tracker import PathTracker, TrackerConfig
+from runtime.tracking.tracker import PathTracker
+from runtime.tracking.tracker_config import TrackerConfig
 
 FIXED_2M = TrackerConfig(look_ahead=FixedLookAhead(2.0))
 ZIGZAG = np.array([(0.0, 0.0), (4.0, 0.0), (6.0, 2.0), (6.0, 6.0)])
