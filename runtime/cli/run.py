@@ -78,6 +78,7 @@ def _control(config: Uslgo1Config, options: argparse.Namespace) -> int:
         config.drives.interface,
         config.drives.channels,
         options.runtime_dir,
+        config.drives.command_age_max_ns,
         config.realtime.control_processors,
         config.realtime.switch_interval_us,
     )

@@ -20,6 +20,7 @@ from runtime.executors.realtime import RealTime
 from runtime.executors.shared_ports import EventPort, LatestPort
 from runtime.executors.tick_stream import TickStream, TickStreams
 from runtime.robots import topics
+from runtime.robots.fresh_frames import FreshFrames
 from runtime.robots.robot import Robot
 
 EVENTS = (topics.OPERATOR_EVENT,)
@@ -34,6 +35,7 @@ def control(
     interface: str,
     channels: Sequence[str],
     directory: Path,
+    command_age_max_ns: int,
     processors: Collection[int] = (),
     switch_interval_us: int = 100,
 ) -> list[str]:
@@ -44,6 +46,7 @@ def control(
         interface: of python-can, by which the buses are opened.
         channels: of that interface, one a bus.
         directory: runtime directory, shared with the other processes.
+        command_age_max_ns: commands older than this are not sent.
         processors: that the loops may run on; none for all.
         switch_interval_us: see `RealTime`.
 
@@ -66,7 +69,7 @@ def control(
         executor = RealTime(
             robot.loops,
             inputs,
-            {topics.CAN_SENT: SocketWriter(buses)},
+            {topics.CAN_SENT: FreshFrames(SocketWriter(buses), command_age_max_ns)},
             TickStreams(*(TickStream(directory / name) for name in STREAMS)),
             processors,
             switch_interval_us=switch_interval_us,
