@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import socket
 from pathlib import Path
 
@@ -56,22 +57,35 @@ class UnixHub:
                 raise DriverConfigError(f"{self.path} already has a CAN hub")
         self._listener.bind(str(self.path))
         self._listener.listen(_BACKLOG)
+        self._poll = select.epoll()
+        self._poll.register(self._listener, select.EPOLLIN)
 
     def receive(self) -> bytes:
         """Pass on what the ends sent since the last call; returns it, 16 bytes a frame, in order of arrival.
 
         Of an end that floods the bus the rest is left for the next call.
         """
-        with contextlib.suppress(BlockingIOError):
-            while True:
-                self._ends.append(self._listener.accept()[0])
-                self._ends[-1].setblocking(False)
+        ready = {descriptor for descriptor, _ in self._poll.poll(0)}
+        if self._listener.fileno() in ready:
+            ready |= self._admit()
         received = []
-        for end in list(self._ends):
+        for end in [end for end in self._ends if end.fileno() in ready]:
             for frame in self._packets(end):
                 received.append(frame)
                 self._send(frame, end)
         return b"".join(received)
+
+    def _admit(self) -> set[int]:
+        """Take in the ends that wait; gives their descriptors."""
+        admitted = set()
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                end = self._listener.accept()[0]
+                end.setblocking(False)
+                self._poll.register(end, select.EPOLLIN)
+                self._ends.append(end)
+                admitted.add(end.fileno())
+        return admitted
 
     def send(self, frames: bytes) -> None:
         """Send the owner's frames, 16 bytes each, to every end."""
@@ -110,12 +124,13 @@ class UnixHub:
     def _leave(self, end: socket.socket) -> None:
         if end in self._ends:
             self._ends.remove(end)
-            end.close()
+            end.close()  # which also ends its registration
 
     def close(self) -> None:
         """End the bus; its ends are told so by their sockets."""
         for end in list(self._ends):
             self._leave(end)
+        self._poll.close()
         self._listener.close()
         with contextlib.suppress(FileNotFoundError):
             os.unlink(self.path)

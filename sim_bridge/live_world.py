@@ -50,7 +50,7 @@ class LiveWorld:
         wires: those buses.
         step_ns: of its physics.
         sources: looked at after every step.
-        ticks: logs each tick, given the time of its first release.
+        ticks: logs the worst of the steps since the last tick, given the time of its first release.
 
     Attributes:
         lost_ns: for which the world stood still, since it was too late.
@@ -74,15 +74,19 @@ class LiveWorld:
         with collector_paused():
             self._wait(alarm, over)
             self.start_ns = time.monotonic_ns() + START_AFTER_NS
-            ticks, now_ns = self._ticks(self.start_ns), 0
+            ticks, now_ns, latency_ns, longest_ns = self._ticks(self.start_ns), 0, 0, 0
             while not over(now_ns):
-                alarm.sleep_until(ticks.release_ns)
+                due_ns = self.start_ns + now_ns + self._step_ns
+                alarm.sleep_until(due_ns)
                 began_ns = time.monotonic_ns()
-                self._stand_still(began_ns - self.start_ns - now_ns - LONGEST_LAG_NS)
-                while now_ns + self._step_ns <= began_ns - self.start_ns:
-                    now_ns += self._step_ns
-                    self._step(now_ns)
-                ticks.done(began_ns, time.monotonic_ns())
+                self._stand_still(began_ns - due_ns - LONGEST_LAG_NS)
+                now_ns += self._step_ns
+                self._step(now_ns)
+                done_ns = time.monotonic_ns()
+                latency_ns, longest_ns = max(latency_ns, began_ns - due_ns), max(longest_ns, done_ns - began_ns)
+                if done_ns >= ticks.release_ns:
+                    ticks.log(latency_ns, longest_ns, done_ns)
+                    latency_ns = longest_ns = 0
         return now_ns
 
     def _stand_still(self, too_late_ns: int) -> None:

@@ -37,7 +37,7 @@ from runtime.signals import Mode
 from sim_bridge.courses import Scenario
 from sim_bridge.endurance import WATCHED, EnduranceObserver, EnduringOperator, EnduringPath
 from sim_bridge.live_world import LiveWorld
-from sim_bridge.observer import Observer
+from sim_bridge.observer import SAMPLE_NS, Observer
 from sim_bridge.outlets import sources_of
 from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.ros_outlet import RosOutlet
@@ -130,6 +130,8 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
         )
 
         def over(now_ns: int) -> bool:
+            if now_ns % SAMPLE_NS:
+                return False
             mirror.update()
             return bool(stop) or part.over(now_ns)
 

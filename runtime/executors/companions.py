@@ -14,7 +14,7 @@ from runtime.executors.timing import next_tick
 from runtime.records import Record
 from runtime.tasks import Loop
 
-SIM = Loop("sim", 1_000_000, 1_000_000, 50, (), (), (), ())
+SIM = Loop("sim", 10_000_000, 10_000_000, 50, (), (), (), ())
 """Stands in for the robot. No process may have a priority between those of the control loops: it could hold up one that
 has the interpreter while another waits for it."""
 
@@ -48,9 +48,14 @@ class CompanionTicks:
 
     def done(self, began_ns: int, done_ns: int, *records: Record) -> None:
         """Log a tick that was due at `release_ns`, and records of the companion's own; go on to the next not past."""
+        self.log(began_ns - self.release_ns, done_ns - began_ns, done_ns, *records)
+
+    def log(self, wake_latency_ns: int, compute_ns: int, done_ns: int, *records: Record) -> None:
+        """As `done`, for a companion that steps more often than it ticks and tells the worst of its steps."""
         tick = self._tick
-        tick.index, tick.release_ns, tick.now_ns = self._index, self.release_ns, began_ns
-        tick.wake_latency_ns, tick.compute_ns = began_ns - tick.release_ns, done_ns - began_ns
+        tick.index, tick.release_ns = self._index, self.release_ns
+        tick.now_ns = tick.release_ns + wake_latency_ns
+        tick.wake_latency_ns, tick.compute_ns = wake_latency_ns, compute_ns
         tick.late, tick.dropped = done_ns > tick.release_ns + self._period_ns, self._sink.dropped
         self._sink.write(b"".join(self._entry(record) for record in (tick, *records)))
         self._index, tick.skipped = next_tick(self._index, self._start_ns, self._period_ns, done_ns)
