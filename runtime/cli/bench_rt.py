@@ -36,7 +36,7 @@ class Slice(NamedTuple):
         wake_us: wake latency of each tick.
         compute_us: wall time of its tasks.
         skipped: periods skipped.
-        own: of these, those before which the tasks themselves took longer than a period.
+        own: ticks before a skip whose tasks themselves computed for longer than a period, interruptions left out.
     """
 
     wake_us: list[float]
@@ -102,7 +102,7 @@ def _measured(executor: Any, sink: TickSink, loop: str, period_ns: int) -> Slice
         number, body = next(entries(datagram))
         if number != channel.number:
             continue
-        before_ns = tick.compute_ns
+        before_ns = tick.cpu_ns
         tick.load(body)
         if tick.index * period_ns < STANDING_UP_S * 1e9:
             continue

@@ -111,11 +111,12 @@ class LoopRun:
         self._lasting.update((record.topic, record) for record in self._seen)
         tick.consumed = [mailbox.deliver(now_ns) for mailbox in self.mailboxes]
         self._entries = self._key_frame() if self._key_frame_due() else []
-        began = time.perf_counter_ns()
+        began, began_cpu = time.perf_counter_ns(), time.thread_time_ns()
         for item in self.loop.schedule:
             if due(item, self.index):
                 item.task.step(now_ns)
                 self._seen += item.task.writes
+        tick.cpu_ns = time.thread_time_ns() - began_cpu
         tick.compute_ns = time.perf_counter_ns() - began
         tick.index, tick.now_ns = self.index, now_ns
 

@@ -28,6 +28,9 @@ class Tick(Record):
     late = uint32("", "1 if its results left after the budget")
     wake_latency_ns = int64("ns")
     compute_ns = int64("ns", "wall time of its tasks; differs from run to run")
+    cpu_ns = int64(
+        "ns", "processor time of its tasks, 0 if not measured; the rest of compute_ns the loop was kept from"
+    )
     dropped = uint32("", "datagrams that the recorder could not take, since start")
     consumed = uint32_array("received", "", "sequence number of each received signal, 0 for none yet")
 

@@ -12,7 +12,7 @@ from runtime.recording.bag import CHECKSUM_TOPIC_PREFIX
 from runtime.recording.layout import dtype_of
 from runtime.recording.log import Log, Message
 
-_WALL_TIMES = ("compute_ns", "wake_latency_ns")
+_WALL_TIMES = ("compute_ns", "cpu_ns", "wake_latency_ns")
 
 
 def first_log_difference(one: Log, other: Log) -> str | None:

@@ -18,12 +18,12 @@ LOOKBACK_NS = 250_000_000
 
 
 class Stall(NamedTuple):
-    """A tick that was late, or took long.
+    """Time in which a loop had work to do and was kept from it: late wakes, and steps that were interrupted.
 
     Attributes:
         loop: whose.
-        at_ns: when the tick was due.
-        length_ns: from then until the loop was ready again.
+        at_ns: when the first of its ticks was due.
+        length_ns: over that tick, and those that followed without the loop having caught up.
     """
 
     loop: str
@@ -46,13 +46,21 @@ class FaultEvent(NamedTuple):
 
 
 def stalls_of(log: Log, loop: str, least_ns: int) -> list[Stall]:
-    """Every tick of a loop from whose release to its end at least so long passed."""
+    """Every stall of a loop of at least so long. A step's own computing is no stall, where it was measured."""
     topic = TICK_TOPIC_PREFIX + loop
     if topic not in log.channels:
         return []
     ticks = log.read_signal(topic).values
-    length = ticks["wake_latency_ns"] + ticks["compute_ns"]
-    return [Stall(loop, int(ticks["release_ns"][i]), int(length[i])) for i in np.flatnonzero(length >= least_ns)]
+    kept_ns = ticks["wake_latency_ns"] + ticks["compute_ns"] - ticks["cpu_ns"]
+    caught_up = ticks["skipped"] == 0
+    caught_up[:1] = True
+    first = np.flatnonzero(caught_up)
+    length = np.add.reduceat(kept_ns, first) if len(ticks) else kept_ns
+    return [
+        Stall(loop, int(ticks["release_ns"][row]), int(total))
+        for row, total in zip(first, length, strict=True)
+        if total >= least_ns
+    ]
 
 
 def fault_events(log: Log, least_ns: int, loops: tuple[str, ...] = ("wbc", "mpc", "link", "sim")) -> list[FaultEvent]:

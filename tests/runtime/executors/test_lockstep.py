@@ -182,7 +182,7 @@ def rows(executor, outside):
             if channel.role == "tick":
                 tick = channel.record.like()
                 tick.load(body)
-                tick.compute_ns = 0
+                tick.compute_ns = tick.cpu_ns = 0
                 body = tick.to_bytes()
             found.append((channel.record.topic, bytes(body)))
     return found

@@ -11,7 +11,9 @@ from runtime.recording.stalls import LOOKBACK_NS, fault_events
 from runtime.signals import Fault, Mode
 
 MS = 1_000_000
-TICK = np.dtype([("release_ns", "<i8"), ("wake_latency_ns", "<i8"), ("compute_ns", "<i8")])
+TICK = np.dtype(
+    [("release_ns", "<i8"), ("wake_latency_ns", "<i8"), ("compute_ns", "<i8"), ("cpu_ns", "<i8"), ("skipped", "<u4")]
+)
 SAFETY = np.dtype([("mode", "u1"), ("fault", "<u4"), ("warning", "<u4")])
 
 
@@ -57,6 +59,26 @@ def test_the_longest_stall_shortly_before_the_fault_explains_it(wake_ms, compute
 )
 def test_a_fault_without_a_stall_before_it_has_none(stalls):
     (event,) = fault_events(Log(walk(), stalls), 5 * MS)
+    assert event.stall is None
+
+
+def with_overruns(own_ms):
+    """Four overruns in a row before the fault, of 3 ms each, of which the step itself computed some."""
+    log = Log(walk())
+    ticks = log.signals["/ugv/tick/wbc"].values
+    rows = slice(390, 394)
+    ticks["compute_ns"][rows], ticks["cpu_ns"][rows] = 3 * MS, int(own_ms * MS)
+    ticks["skipped"][391:395] = 1
+    return log
+
+
+def test_overruns_in_a_row_for_which_the_machine_took_the_time_are_one_stall():
+    (event,) = fault_events(with_overruns(own_ms=0.5), 5 * MS)
+    assert (event.stall.loop, event.stall.length_ns) == ("wbc", 10 * MS)
+
+
+def test_what_a_loop_computed_itself_is_no_stall():
+    (event,) = fault_events(with_overruns(own_ms=2.5), 5 * MS)
     assert event.stall is None
 
 
