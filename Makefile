@@ -75,6 +75,9 @@ faults: venv  ## Break everything that can break in virtual time, at several pha
 claims: venv  ## Walk the scenarios on a few seeds and compare with what is claimed.
 	$(BIN)/python tests/claims.py $(CLAIMS_ARGS)
 
+kills: venv  ## Kill each process of a robot that walks in real time, again and again.
+	$(BIN)/python tests/campaigns/kills.py $(KILLS_ARGS)
+
 bench: venv  ## Measure, each figure beside what it is compared with.
 	$(BIN)/ugv bench fuzzy
 	$(BIN)/ugv bench mpc
