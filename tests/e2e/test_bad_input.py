@@ -195,5 +195,6 @@ def test_a_log_of_another_robot_is_named(refusal: Refusal, tmp_path: Path) -> No
 
 
 def test_a_task_that_the_log_does_not_have_is_named(refusal: Refusal, run_directory: Path) -> None:
-    assert "has no task dance; its tasks are decode, authority, estimator" in refusal("replay", run_directory, "--task", "dance")
+    refused = refusal("replay", run_directory, "--task", "dance")
+    assert "has no task dance; its tasks are decode, authority, estimator" in refused
     assert "--to 1 is not after --from 2" in refusal("replay", run_directory, "--from", 2, "--to", 1)
