@@ -219,9 +219,10 @@ def _print(
 
 
 def _median(samples: Sequence[Sequence[float]]) -> tuple[float, float, float] | None:
-    """Medians over slices of the 50th, 99th and 99.9th percentile."""
+    """Medians over slices of the 50th, 99th and 99.9th percentile; slices in which nothing ran are left out."""
     import numpy as np
 
+    samples = [one for one in samples if one]
     if not samples:
         return None
     p50, p99, p999 = np.median([np.percentile(one, (50.0, 99.0, 99.9)) for one in samples], axis=0)
@@ -230,19 +231,19 @@ def _median(samples: Sequence[Sequence[float]]) -> tuple[float, float, float] | 
 
 def _wake(slices: Sequence[Slice], base: tuple[float, float, float] | None) -> tuple[float | None, ...]:
     wake = _median([one.wake_us for one in slices])
-    assert wake is not None
+    if wake is None:
+        return None, None, None, None
     return (*wake, None if base is None else wake[1] / base[1])
 
 
-def _compute(slices: Sequence[Slice]) -> tuple[float, float]:
+def _compute(slices: Sequence[Slice]) -> tuple[float | None, float | None]:
     compute = _median([one.compute_us for one in slices])
-    assert compute is not None
-    return compute[:2]
+    return (None, None) if compute is None else compute[:2]
 
 
 def _overruns(slices: Sequence[Slice]) -> tuple[float, int]:
     """Median share of skipped periods, and how many the tasks themselves caused in all."""
     import numpy as np
 
-    share = [100.0 * one.skipped / (one.skipped + len(one.wake_us)) for one in slices]
+    share = [100.0 * one.skipped / max(1, one.skipped + len(one.wake_us)) for one in slices]
     return float(np.median(share)), sum(one.own for one in slices)

@@ -57,4 +57,5 @@ def test_without_cyclictest_there_is_no_reference(monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda tool: None)
     assert bench_rt.cyclictest(2_000_000, 1.0, 80) == []
     assert bench_rt._median([]) is None
+    assert bench_rt._median([[]]) is None
     assert bench_rt._median([[1.0, 3.0], [5.0, 5.0]])[0] == pytest.approx(3.5)
