@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 IMU = "sensor_msgs/msg/Imu"
@@ -46,9 +46,16 @@ def definition(type_name: str) -> str:
 
 
 def type_hash(type_name: str, text: str | None = None) -> str:
-    """The RIHS01 hash of a standard message, or of the flat message that `text` defines under that name."""
+    """The RIHS01 hash of a standard message, or of the flat message that `text` defines under that name.
+
+    Raises:
+        KeyError: if the distribution has no such message, or the text defines none.
+    """
     store = _store()
     if text is not None:
         store = get_typestore(Stores.EMPTY)
-        store.register(get_types_from_msg(text, type_name))
+        try:
+            store.register(get_types_from_msg(text, type_name))
+        except TypesysError:
+            raise KeyError(type_name) from None
     return store.hash_rihs01(type_name)

@@ -39,7 +39,7 @@ def recover(log: Log, directory: Path, progress: Callable[[float], None] | None 
                 schemas[name] = file.add_schema(name, text)
             numbers[channel.topic] = file.add_channel(channel.topic, schemas[name], {"offered_qos_profiles": "[]"})
             flat = text if name.startswith("ugv_") else None
-            topics.append(TopicCount(channel.topic, name, definitions.type_hash(name, flat)))
+            topics.append(TopicCount(channel.topic, name, _type_hash(name, flat)))
         span_ns = max(1, log.end_ns - log.start_ns)
         for topic, sequence, log_ns, body in log.messages():
             file.add_message(numbers[topic], sequence, log_ns, CDR_LITTLE_ENDIAN + body)
@@ -56,3 +56,11 @@ def recover(log: Log, directory: Path, progress: Callable[[float], None] | None 
     except OSError as error:
         raise RecordingError(f"cannot recover into {directory}: {(error.strerror or str(error)).lower()}") from error
     return path
+
+
+def _type_hash(name: str, text: str | None) -> str:
+    """The hash of a type; empty if a damaged log names none that there is."""
+    try:
+        return definitions.type_hash(name, text)
+    except KeyError:
+        return ""

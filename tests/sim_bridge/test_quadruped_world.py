@@ -140,7 +140,7 @@ def rows(run):
             if channels[number].role == "tick":
                 tick = channels[number].record.like()
                 tick.load(body)
-                tick.compute_ns = 0
+                tick.compute_ns = tick.cpu_ns = 0
                 yield number, tick.to_bytes()
             else:
                 yield number, bytes(body)

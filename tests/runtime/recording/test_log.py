@@ -178,3 +178,12 @@ def test_two_runs_of_one_seed_hold_the_same_and_of_another_do_not(toy, recorded,
     assert said.startswith("/ugv/joint_state at 0.000 s differs")
     short = toy.bag(tmp_path / "short" / "run", seconds=0.4)
     assert "ends before /ugv/tick/" in str(first_log_difference(Log(short), Log(recorded)))
+
+
+def test_recovery_keeps_a_topic_whose_type_is_damaged(recorded, tmp_path):
+    damaged = tmp_path / "damaged.mcap"
+    content = next(recorded.glob("*.mcap")).read_bytes()
+    damaged.write_bytes(content.replace(b"tf2_msgs/msg/TFMessage", b"tf2_msgs/msg/TFMessa'e"))
+    saved = Log(recover(Log(damaged), tmp_path / "saved"))
+    assert saved.channels["/tf"].type_name == "tf2_msgs/msg/TFMessa'e"
+    assert saved.counts()["/tf"] == Log(recorded).counts()["/tf"]
