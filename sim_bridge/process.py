@@ -22,13 +22,11 @@ import msgspec
 
 from drivers.device_end import open_device_end
 from runtime.executors.companions import SIM, CompanionTicks
-from runtime.executors.control import OBSERVER
 from runtime.executors.linux import lock_memory, run_first
 from runtime.executors.loop_run import InputPort
 from runtime.executors.runtime_directory import remove_if_orphaned
-from runtime.executors.tick_stream import TickListener, TickStream
+from runtime.executors.tick_stream import OBSERVER_SOCKET, RECORDER_SOCKET, TickListener, TickStream
 from runtime.link.loop import link_loop
-from runtime.recording.service import SOCKET
 from runtime.records import Record
 from runtime.robots import load_configuration
 from runtime.robots.uslgo1.assembly import assemble
@@ -115,7 +113,7 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
     refused = [sentence for sentence in (run_first(SIM.priority), lock_memory()) if sentence]
     with ExitStack() as stack:
         wires = stack.enter_context(closing(open_device_end(config.drives.interface, config.drives.channels)))
-        listener = stack.enter_context(closing(TickListener(directory / OBSERVER)))
+        listener = stack.enter_context(closing(TickListener(directory / OBSERVER_SOCKET)))
         ros = stack.enter_context(RosOutlet(config.link))
         stack.callback(remove_if_orphaned, directory)
         world = world_of(config, course, course.terrain(task.seed), wires, task.seed)
@@ -126,7 +124,7 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
             wires,
             config.simulation.time_step_ns,
             sources_of(world, part.operator, part.path, config, ros, directory),
-            partial(CompanionTicks, (*loops, link), SIM, TickStream(directory / SOCKET)),
+            partial(CompanionTicks, (*loops, link), SIM, TickStream(directory / RECORDER_SOCKET)),
         )
 
         def over(now_ns: int) -> bool:

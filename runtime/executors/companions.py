@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from runtime.executors.loop_run import TickSink
-from runtime.executors.tick import ENTRY, manifest_of, tick_record
+from runtime.executors.tick import entry, manifest_of, tick_record
 from runtime.executors.timing import next_tick
 from runtime.records import Record
 from runtime.tasks import Loop
@@ -57,9 +57,5 @@ class CompanionTicks:
         tick.now_ns = tick.release_ns + wake_latency_ns
         tick.wake_latency_ns, tick.compute_ns = wake_latency_ns, compute_ns
         tick.late, tick.dropped = done_ns > tick.release_ns + self._period_ns, self._sink.dropped
-        self._sink.write(b"".join(self._entry(record) for record in (tick, *records)))
+        self._sink.write(b"".join(entry(self._number[record.topic], record) for record in (tick, *records)))
         self._index, tick.skipped = next_tick(self._index, self._start_ns, self._period_ns, done_ns)
-
-    def _entry(self, record: Record) -> bytes:
-        body = record.to_bytes()
-        return ENTRY.pack(self._number[record.topic], len(body)) + body

@@ -18,16 +18,15 @@ from runtime.executors.loop_run import InputPort
 from runtime.executors.notify import Notifier
 from runtime.executors.realtime import RealTime
 from runtime.executors.shared_ports import EventPort, LatestPort
-from runtime.executors.tick_stream import TickStream, TickStreams
+from runtime.executors.tick_stream import LINK_SOCKET, OBSERVER_SOCKET, RECORDER_SOCKET, TickStream, TickStreams
 from runtime.robots import topics
 from runtime.robots.fresh_frames import FreshFrames
 from runtime.robots.robot import Robot
 
 EVENTS = (topics.OPERATOR_EVENT,)
 """Topics of which every value counts, not only the newest."""
-OBSERVER = "observer.sock"
-STREAMS = ("recorder.sock", "link.sock", OBSERVER)
-"""Socket files in the runtime directory of those who may listen to the ticks."""
+STREAMS = (RECORDER_SOCKET, LINK_SOCKET, OBSERVER_SOCKET)
+"""Where the ticks go; the drops of the first are told in them."""
 
 
 def control(

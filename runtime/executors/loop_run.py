@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-from runtime.executors.tick import ENTRY, Manifest, Tick, tick_record
+from runtime.executors.tick import Manifest, Tick, entry, tick_record
 from runtime.executors.timing import TimingPort
 from runtime.records import Record
 from runtime.signals import LoopTiming
@@ -133,12 +133,12 @@ class LoopRun:
         self.tick.dropped = self._sink.dropped
         parts = [self._entry(self.tick), *self._entries]
         for record in self._seen:
-            entry = self._entry(record)
+            part = self._entry(record)
             if record.on_change:
-                if self._last_logged.get(record.topic) == entry:
+                if self._last_logged.get(record.topic) == part:
                     continue
-                self._last_logged[record.topic] = entry
-            parts.append(entry)
+                self._last_logged[record.topic] = part
+            parts.append(part)
         self._sink.write(b"".join(parts))
 
     def _key_frame_due(self) -> bool:
@@ -163,8 +163,7 @@ class LoopRun:
         return states
 
     def _entry(self, record: Record) -> bytes:
-        body = record.to_bytes()
-        return ENTRY.pack(self._channel[record.topic], len(body)) + body
+        return entry(self._channel[record.topic], record)
 
 
 def connected(

@@ -9,16 +9,16 @@ whole periods, so that it never runs after a backlog, and counts them.
 from __future__ import annotations
 
 import signal
-import sys
 import threading
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import ExitStack
 
 from runtime.executors.collector import collector_paused
 from runtime.executors.linux import Alarm, lock_memory, run_first, stay_on, unlock_memory
 from runtime.executors.liveness import Liveness
 from runtime.executors.loop_run import InputPort, LoopRun, OutputPort, TickSink, connected
+from runtime.executors.switch_interval import switch_interval
 from runtime.executors.tick import manifest_of
 from runtime.executors.timing import next_tick
 from runtime.tasks import Loop
@@ -61,7 +61,7 @@ class RealTime:
         self.manifest = manifest_of(tuple(loops))
         self._runs = connected(loops, self.manifest, key_frame_ns, input_ports, sink)
         self._output_ports, self._processors = output_ports, frozenset(processors)
-        self._switch_interval_s, self._liveness = switch_interval_us * 1e-6, liveness
+        self._switch_interval_us, self._liveness = switch_interval_us, liveness
         self._stop = threading.Event()
         self._failures: list[BaseException] = []
         self.refused: list[str] = []
@@ -81,7 +81,7 @@ class RealTime:
         """
         with ExitStack() as stack:
             stack.enter_context(collector_paused())
-            stack.enter_context(_switch_interval(self._switch_interval_s))
+            stack.enter_context(switch_interval(self._switch_interval_us))
             self._note(lock_memory())
             stack.callback(unlock_memory)
             if start_ns is None:
@@ -130,13 +130,3 @@ class RealTime:
             if self._liveness is not None and run is self._runs[0]:
                 self._liveness.ticked([other.index for other in self._runs], not tick.skipped, done_ns)
             run.index, tick.skipped = next_tick(run.index, start_ns, loop.period_ns, time.monotonic_ns())
-
-
-@contextmanager
-def _switch_interval(seconds: float) -> Iterator[None]:
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(seconds)
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(before)

@@ -84,6 +84,12 @@ def manifest_of(loops: tuple[Loop, ...]) -> Manifest:
     return Manifest(tuple(Channel(number, *row) for number, row in enumerate(rows)))
 
 
+def entry(number: int, record: Record) -> bytes:
+    """A record as an entry of a datagram, under the number of its channel."""
+    body = record.to_bytes()
+    return ENTRY.pack(number, len(body)) + body
+
+
 def entries(datagram: bytes) -> Iterator[tuple[int, memoryview]]:
     """The (channel number, body) pairs of a datagram."""
     view, position = memoryview(datagram), 0

@@ -16,6 +16,8 @@ from pathlib import Path
 
 from runtime.errors import UgvError
 
+RECORDER_SOCKET, LINK_SOCKET, OBSERVER_SOCKET = "recorder.sock", "link.sock", "observer.sock"
+"""Socket files in the runtime directory of those who may listen."""
 LOOK_AGAIN_NS = 100_000_000
 SEND_BUFFER_BYTES = 4 << 20
 _LONGEST_DATAGRAM = 1 << 20

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import gc
-import sys
 import threading
 import time
 from collections import Counter
@@ -16,8 +15,9 @@ from runtime.executors.companions import CompanionTicks
 from runtime.executors.linux import Alarm, run_first, stay_on
 from runtime.executors.liveness import ALIVE_EVERY_NS
 from runtime.executors.notify import Notifier
+from runtime.executors.switch_interval import switch_interval
 from runtime.executors.tick import manifest_of
-from runtime.executors.tick_stream import TickListener, TickStream
+from runtime.executors.tick_stream import LINK_SOCKET, RECORDER_SOCKET, TickListener, TickStream
 from runtime.link.clocks import ClockWatch, instant
 from runtime.link.control_monitor import ControlMonitor
 from runtime.link.diagnosis import Diagnosis
@@ -33,7 +33,6 @@ from runtime.signals import Battery, Imu, OperatorEvent, Pose
 from runtime.signals import Path as PathRecord
 from runtime.tasks import Loop
 
-TICKS_FILE, RECORDER_FILE = "link.sock", "recorder.sock"
 _MOST_DATAGRAMS = 256
 """Taken in one tick, so that a backlog does not hold up what is to be sent."""
 _NS_PER_SECOND = 1_000_000_000
@@ -57,7 +56,7 @@ def run(setup: LinkSetup, directory: Path, stop: threading.Event, say: Callable[
     for reason in refused:
         say(f"link: {reason}")
     link = setup.config
-    listener = TickListener(directory / TICKS_FILE)
+    listener = TickListener(directory / LINK_SOCKET)
     try:
         notifier = Notifier()
         inputs = Inputs(link, _records(setup.loops), directory, _taken_hz(setup.loops))
@@ -65,7 +64,7 @@ def run(setup: LinkSetup, directory: Path, stop: threading.Event, say: Callable[
             config = session_config(link.listen, link.connect, Path(link.zenoh_config) if link.zenoh_config else None)
             with (
                 _collector_frozen(),
-                _switch_interval(setup.switch_interval_us),
+                switch_interval(setup.switch_interval_us),
                 RosSession("ugv_link", link.domain_id, config, link.type_hashes) as session,
             ):
                 inputs.subscribe(session)
@@ -97,7 +96,7 @@ class _Carrier:
         self._clocks = ClockWatch()
         self._status = LinkStatus(STATUS, {"input": len(TAKEN)})
         self._told, self._tell_ns = b"", 0
-        self._log = TickStream(directory / RECORDER_FILE)
+        self._log = TickStream(directory / RECORDER_SOCKET)
         loop = link_loop(setup.config, setup.priority)
         self._ticks = CompanionTicks(setup.loops, loop, self._log, time.monotonic_ns())
         self._outputs = Outputs(
@@ -198,13 +197,3 @@ def _collector_frozen() -> Iterator[None]:
         yield
     finally:
         gc.unfreeze()
-
-
-@contextmanager
-def _switch_interval(microseconds: int) -> Iterator[None]:
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(microseconds * 1e-6)
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(before)

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import FrameType
 
 from runtime.executors.notify import Notifier
-from runtime.executors.tick_stream import TickListener
+from runtime.executors.tick_stream import RECORDER_SOCKET, TickListener
 from runtime.recording.bag import REALTIME
 from runtime.recording.bags import Bags
 from runtime.recording.errors import RecordingError
@@ -26,7 +26,6 @@ from runtime.recording.setup import Attachment, recording_setup
 from runtime.robots.robot import Robot
 from runtime.tasks import Loop
 
-SOCKET = "recorder.sock"
 BACKLOG_BYTES = 64 << 20
 """What may wait for the disk: at 4 MB a second, a quarter of a minute."""
 STATUS_EVERY_NS = 1_000_000_000
@@ -135,7 +134,7 @@ def serve(
     bags = Bags(log_directory, setup, loops, status, _say, previous="" if before is None else before.bag)
     backlog = Backlog()
     writer = _Writer(backlog, bags)
-    listener = TickListener(runtime_directory / SOCKET)
+    listener = TickListener(runtime_directory / RECORDER_SOCKET)
     writer.start()
     try:
         _receive(listener, backlog, writer, status, runtime_directory, stop)

@@ -15,9 +15,8 @@ from pathlib import Path
 from drivers.device_end import open_device_end
 from runtime.executors.companions import SIM, CompanionTicks
 from runtime.executors.linux import run_first
-from runtime.executors.tick_stream import TickStream
+from runtime.executors.tick_stream import RECORDER_SOCKET, TickStream
 from runtime.link.loop import link_loop
-from runtime.recording.service import SOCKET
 from runtime.robots import load_configuration
 from runtime.robots.uslgo1.assembly import assemble
 from runtime.signals import Motion, Request
@@ -84,7 +83,7 @@ def main(configuration: str, directory: Path) -> None:
         operator = Operator(course, config.posture.rise_s)
         sources = sources_of(world, operator, ScriptedPath(course), config, ros, directory)
         loops = (*assemble(config).loops, link_loop(config.link, config.realtime.link_priority))
-        ticks = partial(CompanionTicks, loops, SIM, TickStream(directory / SOCKET))
+        ticks = partial(CompanionTicks, loops, SIM, TickStream(directory / RECORDER_SOCKET))
         print("ready", flush=True)
         LiveWorld(world, wires, config.simulation.time_step_ns, sources, ticks).run(lambda now_ns: bool(stop))
 

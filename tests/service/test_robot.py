@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from runtime.executors.control import OBSERVER
 from runtime.executors.tick import TICK_TOPIC_PREFIX
-from runtime.executors.tick_stream import TickListener
+from runtime.executors.tick_stream import OBSERVER_SOCKET, TickListener
 from runtime.robots import load_configuration, topics
 from runtime.robots.uslgo1.assembly import assemble
 from runtime.signals import Mode
@@ -47,8 +46,8 @@ class Watch:
     """Follows the modes that control goes through, from its ticks."""
 
     def __init__(self):
-        self._listener = TickListener(RUNTIME / OBSERVER)
-        (RUNTIME / OBSERVER).chmod(0o666)
+        self._listener = TickListener(RUNTIME / OBSERVER_SOCKET)
+        (RUNTIME / OBSERVER_SOCKET).chmod(0o666)
         loops = assemble(load_configuration(str(CONFIGURATION))).loops
         self._mirror = TickMirror(loops, [topics.SAFETY, FAST_TICK], self)
         self._safety, self._tick = (self._mirror.records[topic] for topic in (topics.SAFETY, FAST_TICK))

@@ -13,8 +13,8 @@ import pytest
 
 from runtime.executors.shared_ports import EventPort, LatestPort
 from runtime.executors.tick import ENTRY, Manifest, manifest_of
-from runtime.executors.tick_stream import TickStream
-from runtime.link.process import TICKS_FILE, run
+from runtime.executors.tick_stream import LINK_SOCKET, TickStream
+from runtime.link.process import run
 from runtime.link.setup import LinkSetup, link_setup
 from runtime.messages.session import RosSession, session_config
 from runtime.records import Record
@@ -60,7 +60,7 @@ class RunningLink:
         self.setup, self.directory, self.port = setup, directory, port
         self.said: list[str] = []
         self.manifest: Manifest = manifest_of(setup.loops)
-        self.control = TickStream(directory / TICKS_FILE)
+        self.control = TickStream(directory / LINK_SOCKET)
         self._ports: dict[str, LatestPort] = {}
         self._stop, self._failed = threading.Event(), []
         self._thread = threading.Thread(target=self._run)

@@ -15,9 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from runtime.executors.shared_memory import SharedMemoryError
 from runtime.executors.tick import entries, manifest_of, tick_record
-from runtime.executors.tick_stream import TickListener, TickStreamError
+from runtime.executors.tick_stream import RECORDER_SOCKET, TickListener, TickStreamError
 from runtime.link.loop import link_loop
-from runtime.link.process import RECORDER_FILE
 from runtime.link.topics import TAKEN
 from runtime.messages import definitions
 from runtime.messages.battery import BatteryMessage
@@ -255,7 +254,7 @@ def test_the_link_is_part_of_the_ros_graph(link, until, inbox_type):
 def test_the_link_s_own_ticks_and_status_are_logged(link, until):
     loop = link_loop(link.setup.config, link.setup.priority)
     manifest, (status,) = manifest_of((*link.setup.loops, loop)), loop.port_inputs
-    tick, recorder = tick_record(loop), TickListener(link.directory / RECORDER_FILE)
+    tick, recorder = tick_record(loop), TickListener(link.directory / RECORDER_SOCKET)
     try:
         for _ in range(2):
             (channel, body), *_ = entries(recorder.receive(30.0))
