@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from runtime.executors.loop_run import TickSink
-from runtime.executors.tick import entry, manifest_of, tick_record
+from runtime.executors.tick import header, manifest_of, tick_record
 from runtime.executors.timing import next_tick
 from runtime.records import Record
 from runtime.tasks import Loop
@@ -33,7 +33,7 @@ class CompanionTicks:
         self._period_ns, self._start_ns, self._sink = companion.period_ns, start_ns, sink
         self._tick = tick_record(companion)
         channels = manifest_of((*loops, companion)).channels
-        self._number = {channel.record.topic: channel.number for channel in channels}
+        self._headers = {channel.record.topic: header(channel.number, channel.record) for channel in channels}
         self._index = 0
 
     @property
@@ -57,5 +57,6 @@ class CompanionTicks:
         tick.now_ns = tick.release_ns + wake_latency_ns
         tick.wake_latency_ns, tick.compute_ns = wake_latency_ns, compute_ns
         tick.late, tick.dropped = done_ns > tick.release_ns + self._period_ns, self._sink.dropped
-        self._sink.write(b"".join(entry(self._number[record.topic], record) for record in (tick, *records)))
+        entries = ((self._headers[record.topic], record.to_bytes()) for record in (tick, *records))
+        self._sink.write(b"".join(part for entry in entries for part in entry))
         self._index, tick.skipped = next_tick(self._index, self._start_ns, self._period_ns, done_ns)

@@ -8,11 +8,14 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-from runtime.executors.tick import Manifest, Tick, entry, tick_record
+from runtime.executors.tick import Manifest, Tick, header, tick_record
 from runtime.executors.timing import TimingPort
 from runtime.records import Record
 from runtime.signals import LoopTiming
 from runtime.tasks import Loop, due
+
+MOST_PENDING = 1024
+"""Values that wait in a mailbox: many times those of one period of the slowest loop."""
 
 
 class InputPort(Protocol):
@@ -45,12 +48,15 @@ class TickSink(Protocol):
 
 
 class Mailbox:
-    """A record on its way from the loop that writes it to one that receives it; each end may have its own thread."""
+    """A record on its way from the loop that writes it to one that receives it; each end may have its own thread.
+
+    Of a receiver that stopped, it keeps the newest values only.
+    """
 
     def __init__(self, target: Record) -> None:
         self.target = target
         self._sequence = 0
-        self._pending: deque[tuple[int, int, bytes]] = deque()
+        self._pending: deque[tuple[int, int, bytes]] = deque(maxlen=MOST_PENDING)
 
     def post(self, visible_ns: int, sequence: int, body: bytes) -> None:
         """Send a value that becomes visible at a time."""
@@ -58,9 +64,11 @@ class Mailbox:
 
     def deliver(self, now_ns: int) -> int:
         """Make the newest value due by now visible; returns its sequence number."""
+        newest = None
         while self._pending and self._pending[0][0] <= now_ns:
-            _, self._sequence, body = self._pending.popleft()
-            self.target.load(body)
+            _, self._sequence, newest = self._pending.popleft()
+        if newest is not None:
+            self.target.load(newest)
         return self._sequence
 
 
@@ -88,12 +96,13 @@ class LoopRun:
         ]
         self._sink = sink
         self._subscribers: dict[str, list[Mailbox]] = {}
-        self._channel = {channel.record.topic: channel.number for channel in manifest.channels}
+        self._headers = {channel.record.topic: header(channel.number, channel.record) for channel in manifest.channels}
         self._last_logged: dict[str, bytes] = {}
         self._key_frame_every = max(1, key_frame_ns // loop.period_ns)
         self._key_frames = 0
-        self._entries: list[bytes] = []
-        self._seen: list[Record] = []
+        self._states: list[bytes] = []
+        self._read: list[Record] = []
+        self._written: list[tuple[Record, bytes]] = []
         self._lasting: dict[str, Record] = {}
 
     def feed(self, reader: LoopRun) -> None:
@@ -107,38 +116,37 @@ class LoopRun:
         """Read the ports, receive, and step the tasks that are due."""
         tick = self.tick
         self._timing.begin(tick.skipped)
-        self._seen = [record for record, port in self._inputs if port.read(record, now_ns)]
-        self._lasting.update((record.topic, record) for record in self._seen)
+        self._read = [record for record, port in self._inputs if port.read(record, now_ns)]
+        self._lasting.update((record.topic, record) for record in self._read)
         tick.consumed = [mailbox.deliver(now_ns) for mailbox in self.mailboxes]
-        self._entries = self._key_frame() if self._key_frame_due() else []
+        self._states = self._key_frame() if self._key_frame_due() else []
+        self._written.clear()
         began, began_cpu = time.perf_counter_ns(), time.thread_time_ns()
         for item in self.loop.schedule:
             if due(item, self.index):
                 item.task.step(now_ns)
-                self._seen += item.task.writes
+                self._written += [(record, record.to_bytes()) for record in item.task.writes]
         tick.cpu_ns = time.thread_time_ns() - began_cpu
         tick.compute_ns = time.perf_counter_ns() - began
         tick.index, tick.now_ns = self.index, now_ns
 
     def publish(self, visible_ns: int) -> None:
         """Send what this tick wrote to the loops that receive it."""
-        for item in self.loop.schedule:
-            if due(item, self.index):
-                for record in item.task.writes:
-                    for mailbox in self._subscribers.get(record.topic, ()):
-                        mailbox.post(visible_ns, self.index + 1, record.to_bytes())
+        for record, body in self._written:
+            for mailbox in self._subscribers.get(record.topic, ()):
+                mailbox.post(visible_ns, self.index + 1, body)
 
     def log(self) -> None:
         """Hand the tick to the sink as one datagram: its record, the states of a key-frame, and the signals."""
         self.tick.dropped = self._sink.dropped
-        parts = [self._entry(self.tick), *self._entries]
-        for record in self._seen:
-            part = self._entry(record)
+        parts = [self._headers[self.tick.topic], self.tick.to_bytes(), *self._states]
+        for record, body in (*((record, record.to_bytes()) for record in self._read), *self._written):
+            topic = record.topic
             if record.on_change:
-                if self._last_logged.get(record.topic) == part:
+                if self._last_logged.get(topic) == body:
                     continue
-                self._last_logged[record.topic] = part
-            parts.append(part)
+                self._last_logged[topic] = body
+            parts += (self._headers[topic], body)
         self._sink.write(b"".join(parts))
 
     def _key_frame_due(self) -> bool:
@@ -154,16 +162,13 @@ class LoopRun:
         Inputs that hold since an earlier tick are logged again with this one, for a log that begins or goes on here.
         """
         self._last_logged.clear()
-        self._seen += [record for record in self._lasting.values() if record not in self._seen]
-        states = []
+        self._read += [record for record in self._lasting.values() if record not in self._read]
+        states: list[bytes] = []
         for item in self.loop.schedule:
             item.task.restore(item.task.save())
             if item.task.state is not None:
-                states.append(self._entry(item.task.state))
+                states += (self._headers[item.task.state.topic], item.task.state.to_bytes())
         return states
-
-    def _entry(self, record: Record) -> bytes:
-        return entry(self._channel[record.topic], record)
 
 
 def connected(

@@ -84,10 +84,9 @@ def manifest_of(loops: tuple[Loop, ...]) -> Manifest:
     return Manifest(tuple(Channel(number, *row) for number, row in enumerate(rows)))
 
 
-def entry(number: int, record: Record) -> bytes:
-    """A record as an entry of a datagram, under the number of its channel."""
-    body = record.to_bytes()
-    return ENTRY.pack(number, len(body)) + body
+def header(number: int, record: Record) -> bytes:
+    """What comes before every body of a record in a datagram, under the number of its channel."""
+    return ENTRY.pack(number, record.cdr_size)
 
 
 def entries(datagram: bytes) -> Iterator[tuple[int, memoryview]]:
