@@ -26,7 +26,7 @@ SLICES, SLICE_S, LIVE_S = 12, 5.0, 20.0
 QUANTILES = (50.0, 99.0, 99.9)
 LEGEND = """\
 with tasks: the fast loop on a recorded walk, the slow one beside it; without tasks: the same loops, empty
-ratio: p99 of waking to cyclictest's; busy: from waking to the end of the tick; dearest: the longest of the ticks' medians
+ratio: p99 of waking to cyclictest's; busy: from waking to the end of a tick; dearest: the longest of the ticks' medians
 late wakes, interrupted: % of the periods that overran by them; own: overruns of ticks that take a period as a rule"""
 
 

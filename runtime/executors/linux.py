@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a real-time thread asks of Linux: a priority, its processors, memory that stays, and to be woken on time."""
+"""What a real-time thread asks of Linux: a priority, its processors, memory that stays, to wake and to send on time."""
 
 from __future__ import annotations
 
 import ctypes
 import os
+import socket
 import time
 from collections.abc import Collection
 
@@ -12,6 +13,8 @@ _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _TIMER_ABSTIME = 1
 _NS_PER_SECOND = 1_000_000_000
 _LIBC = ctypes.CDLL(None, use_errno=True)
+_send = ctypes.PyDLL(None, use_errno=True).send
+_send.argtypes, _send.restype = (ctypes.c_int, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_int), ctypes.c_ssize_t
 
 
 class _Timespec(ctypes.Structure):
@@ -61,3 +64,13 @@ def lock_memory() -> str:
 def unlock_memory() -> None:
     """Let the system move this process's memory again."""
     _LIBC.munlockall()
+
+
+def send_at_once(descriptor: int, datagram: bytes) -> int:
+    """Send on a socket without waiting; returns 0, or the error's number.
+
+    `socket.send` gives the GIL away, and a thread that has to win it back waits for the switch interval; this keeps it.
+    """
+    if _send(descriptor, datagram, len(datagram), socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL) >= 0:
+        return 0
+    return ctypes.get_errno()

@@ -7,6 +7,7 @@ listener again from time to time, and counts the datagrams that it could not han
 
 from __future__ import annotations
 
+import errno
 import selectors
 import socket
 import threading
@@ -15,6 +16,7 @@ from collections import deque
 from pathlib import Path
 
 from runtime.errors import UgvError
+from runtime.executors.linux import send_at_once
 
 RECORDER_SOCKET, LINK_SOCKET, OBSERVER_SOCKET = "recorder.sock", "link.sock", "observer.sock"
 """Socket files in the runtime directory of those who may listen."""
@@ -48,12 +50,10 @@ class TickStream:
         """Hand over one datagram, or count it."""
         end = self._end or self._connected()
         if end is not None:
-            try:
-                end.send(datagram, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
+            error = send_at_once(end.fileno(), datagram)
+            if error == 0:
                 return
-            except BlockingIOError:
-                pass
-            except OSError:
+            if error != errno.EAGAIN:
                 self._end = None
                 end.close()
         self.dropped += 1
