@@ -7,6 +7,7 @@ The loop owns the buses and polls them: what waits when it reads is read, within
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -39,17 +40,16 @@ class SocketReader:
             Whether the batch changed; it stays as it is if nothing arrived and it was empty.
         """
         share = len(record.bus) // len(self._buses)
-        frames: list[bytes] = []
+        frames = b""
         buses: list[int] = []
         arrival_ns: list[int] = []
         for index, bus in enumerate(self._buses):
             arrived, times = bus.receive(share, now_ns)
             frames += arrived
             arrival_ns += times
-            buses += [index] * len(arrived)
-        raw = b"".join(frames)
-        heed_errors(raw, buses, self._health)
-        return fill(record, now_ns, raw, buses, arrival_ns, sum(health.overflow for health in self._health))
+            buses += [index] * len(times)
+        heed_errors(frames, buses, self._health)
+        return fill(record, now_ns, frames, buses, arrival_ns, sum(health.overflow for health in self._health))
 
 
 class SocketWriter:
@@ -61,20 +61,27 @@ class SocketWriter:
 
     def __init__(self, buses: Sequence[BusSocket]) -> None:
         self._buses = tuple(buses)
+        self._order, self._runs = b"", list[tuple[int, int, int]]()
 
     def write(self, record: FrameBatch, now_ns: int) -> None:
         """Send the `count` frames of the batch; what a bus does not take is lost and counted.
+
+        Frames of one bus that follow each other are sent by one call.
 
         Raises:
             FrameError: if the count exceeds the capacity, or a frame is for a bus that there is none of.
         """
         bus, data = content(record)
-        raw = data.tobytes()
-        for row, index in enumerate(self._checked(bus)):
-            self._buses[index].send(raw[row * FRAME_SIZE : row * FRAME_SIZE + FRAME_SIZE], now_ns)
+        if bus.tobytes() != self._order:
+            self._plan(bus)
+        frames = data.tobytes()
+        for index, begin, end in self._runs:
+            self._buses[index].send(frames[begin:end], now_ns)
 
-    def _checked(self, bus: npt.NDArray[np.uint8]) -> list[int]:
-        buses: list[int] = bus.tolist()
-        if buses and max(buses) >= len(self._buses):
-            raise FrameError(f"there is no bus {max(buses)}: {len(self._buses)} buses are open")
-        return buses
+    def _plan(self, bus: npt.NDArray[np.uint8]) -> None:
+        """Note which bytes of a batch whose frames are for these buses go to which bus by one call."""
+        if bus.size and bus.max() >= len(self._buses):
+            raise FrameError(f"there is no bus {bus.max()}: {len(self._buses)} buses are open")
+        edges = [0, *(np.flatnonzero(np.diff(bus)) + 1).tolist(), len(bus)]
+        self._runs = [(int(bus[begin]), begin * FRAME_SIZE, end * FRAME_SIZE) for begin, end in pairwise(edges) if end]
+        self._order = bus.tobytes()

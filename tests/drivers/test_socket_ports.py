@@ -2,6 +2,10 @@
 """Ports on real sockets: whole frames in order, bounded work, every loss counted at its bus, and links that return."""
 
 import socket
+import sys
+import threading
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,15 +14,18 @@ from hypothesis import strategies as st
 
 from drivers import bus_socket
 from drivers.bus_health import BusState
-from drivers.bus_socket import RETRY_NS, BusSocket, open_buses
+from drivers.bus_socket import MOST_AT_ONCE, RETRY_NS, BusSocket, open_buses
 from drivers.can_frame import CAN_ERR_FLAG, CAN_FRAME, FRAME_SIZE, make_frames
 from drivers.errors import DriverConfigError, FrameError
+from drivers.message_batch import SO_TIMESTAMPNS
 from drivers.opening import SOCKETCAN, UNIX
 from drivers.socket_ports import SocketReader, SocketWriter
 from drivers.unix_hub import UnixHub
 
 BUSES, CAPACITY = 2, 16
 BUS_OFF = CAN_ERR_FLAG | 0x40
+SECOND_NS = 10**9
+NEVER_S = 1000.0
 
 
 class Batch:
@@ -141,6 +148,56 @@ def test_a_batch_that_contradicts_itself_is_refused(wires):
         wires.writer.write(batch, 1)
 
 
+def test_frames_go_out_in_order_whatever_the_last_batch_was(wires):
+    for frames in ([(0, 1), (0, 2), (1, 3)], [(1, 4), (0, 5)], [], [(1, 6), (0, 7)]):
+        wires.send(*frames)
+        sent = [np.frombuffer(hub.receive(), CAN_FRAME)["can_id"].tolist() for hub in wires.hubs]
+        assert sent == [[identifier for to, identifier in frames if to == bus] for bus in range(BUSES)]
+
+
+class Rival:
+    """A thread that counts whenever it is let run: with so long a switch interval, when another thread waits."""
+
+    def __enter__(self):
+        self._interval_s, self._stop, self.counted = sys.getswitchinterval(), False, 0
+        sys.setswitchinterval(NEVER_S)
+        self._runs = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+        self._runs.wait()
+        return self
+
+    def _run(self):
+        while not self._stop:
+            self.counted += 1
+            self._runs.set()
+            time.sleep(0)
+
+    def __exit__(self, *_):
+        self._stop = True
+        sys.setswitchinterval(self._interval_s)
+        self._thread.join()
+
+
+def test_a_tick_on_the_buses_lets_no_other_thread_run(wires):
+    batch, read, counted = Batch(), 0, 0
+    batch.hold((0, 1), (0, 2), (1, 3))
+    with Rival() as rival:
+        for tick in range(300):
+            wires.hubs[0].send(make_frames([7, 8], 8).tobytes())
+            before = rival.counted
+            wires.reader.read(wires.batch, tick)
+            wires.writer.write(batch, tick)
+            counted += rival.counted - before
+            read += wires.batch.count
+            wires.hubs[0].receive()
+            wires.hubs[1].receive()
+        before = rival.counted
+        while rival.counted == before:  # it was there all the time
+            time.sleep(0)
+    assert (read, counted) == (600, 0)
+
+
 # -- too much ---------------------------------------------------------------------------------------------------------
 
 
@@ -171,6 +228,32 @@ def test_a_bus_that_takes_nothing_refuses_soon_and_is_counted_alone(wires):
     assert waiting < 50
 
 
+def test_of_many_frames_those_without_room_are_refused_one_by_one(plain):
+    bus, theirs = plain
+    many = make_frames(range(400), 8).tobytes()
+    bus.send(many, 1)
+    waiting = []
+    with pytest.raises(BlockingIOError):
+        while True:
+            waiting.append(theirs.recv(FRAME_SIZE))
+    assert b"".join(waiting) == many[: len(waiting) * FRAME_SIZE]
+    assert 0 < bus.health.refused == 400 - len(waiting)
+    assert bus.health.state == BusState.UP
+
+
+def test_more_frames_than_one_call_carries_are_sent_and_read(plain):
+    bus, theirs = plain
+    theirs.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)
+    many = make_frames(range(MOST_AT_ONCE + 3), 8).tobytes()
+    for begin in range(0, len(many), FRAME_SIZE):
+        theirs.send(many[begin : begin + FRAME_SIZE])
+    frames, arrival_ns = bus.receive(1000, 1)
+    assert (frames, arrival_ns) == (many[: MOST_AT_ONCE * FRAME_SIZE], [1] * MOST_AT_ONCE)
+    assert bus.health.backlog
+    assert bus.receive(1000, 2) == (many[MOST_AT_ONCE * FRAME_SIZE :], [2, 2, 2])
+    assert not bus.health.backlog
+
+
 # -- links ------------------------------------------------------------------------------------------------------------
 
 
@@ -182,6 +265,24 @@ def test_a_bus_that_goes_down_is_counted_and_the_other_goes_on(wires):
     wires.hubs[1].send(make_frames([3], 8).tobytes())
     assert wires.read(2) == [(1, 3)]
     assert wires.health("failed") == [2, 0]
+
+
+def test_all_frames_for_a_bus_that_goes_down_are_counted(wires):
+    wires.hubs[0].close()
+    wires.send((0, 1), (0, 2), (0, 3), (1, 4))
+    assert wires.health("failed") == [3, 0]
+
+
+def test_what_came_before_the_far_end_closed_is_read(plain):
+    bus, theirs = plain
+    frames = make_frames(range(3), 8).tobytes()
+    for begin in range(0, len(frames), FRAME_SIZE):
+        theirs.send(frames[begin : begin + FRAME_SIZE])
+    theirs.close()
+    assert bus.receive(3, 1)[0] == frames
+    assert (bus.health.state, bus.health.backlog) == (BusState.UP, False)
+    assert bus.receive(3, 2) == (b"", [])
+    assert (bus.health.state, bus.health.failed, bus.health.malformed) == (BusState.DOWN, 1, 0)
 
 
 def test_reading_finds_the_loss_of_a_bus_as_well(wires):
@@ -254,7 +355,7 @@ def test_a_packet_that_is_no_frame_is_counted(plain):
     bus, theirs = plain
     theirs.send(b"short")
     theirs.send(make_frames([4], 8).tobytes())
-    assert bus.receive(8, 1) == ([make_frames([4], 8).tobytes()], [1])
+    assert bus.receive(8, 1) == (make_frames([4], 8).tobytes(), [1])
     assert bus.health.malformed == 1
 
 
@@ -273,13 +374,52 @@ def test_whatever_comes_is_a_frame_or_counted_and_reading_ends(packets, most):
             reader.read(batch, now_ns)
             got.append(batch.data[: batch.count * FRAME_SIZE].tobytes())
             frames, _ = bus.receive(most, now_ns)
-            got += frames
+            got.append(frames)
             left = max(0, left - CAPACITY - most)
             assert bus.health.backlog == (left > 0)
         bus.close()
     whole = [packet for packet in packets if len(packet) == FRAME_SIZE]
     assert b"".join(got) == b"".join(whole)
     assert bus.health.malformed == len(packets) - len(whole)
+
+
+def test_a_packet_of_no_length_is_no_end_of_the_bus(plain):
+    bus, theirs = plain
+    theirs.send(b"")
+    theirs.send(make_frames([4], 8).tobytes())
+    assert bus.receive(8, 1)[0] == make_frames([4], 8).tobytes()
+    assert (bus.health.malformed, bus.health.state) == (1, BusState.UP)
+
+
+# -- time -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def stamped(plain):
+    """A bus whose kernel stamps, and its far end."""
+    bus, theirs = plain
+    bus._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+    return bus, theirs
+
+
+def test_a_frame_is_stamped_when_the_kernel_got_it(stamped):
+    bus, theirs = stamped
+    begin_ns = time.monotonic_ns()
+    theirs.send(make_frames([1], 8).tobytes())
+    _, (arrival_ns,) = bus.receive(8, begin_ns + 1000 * SECOND_NS)
+    assert abs(arrival_ns - begin_ns) < 500 * SECOND_NS
+
+
+@pytest.mark.parametrize(("step_s", "where"), [(-3600, "at the present"), (3600, "at the last read")])
+def test_a_clock_that_is_set_meanwhile_moves_a_stamp_no_further_than_the_reads(step_s, where, stamped, monkeypatch):
+    bus, theirs = stamped
+    last_ns = time.monotonic_ns()
+    bus.receive(8, last_ns)
+    theirs.send(make_frames([1], 8).tobytes())
+    clock = SimpleNamespace(monotonic_ns=time.monotonic_ns, time_ns=lambda: time.time_ns() + step_s * SECOND_NS)
+    monkeypatch.setattr(bus_socket, "time", clock)
+    now_ns = time.monotonic_ns()
+    assert bus.receive(8, now_ns)[1] == [now_ns if where == "at the present" else last_ns]
 
 
 # -- opening ----------------------------------------------------------------------------------------------------------
