@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from runtime.compiled import compiled
 from runtime.safety.config import SafetyConfig
 from runtime.safety.state_machine import Health
 from runtime.signals import Fault, Mode
@@ -23,7 +24,6 @@ HALTS = (
 """The robot slows to a stand, and goes on when they are gone."""
 BLINDING = (Fault.STALE_IMU | Fault.FROZEN_IMU).value
 """The trunk is no longer known, so that the robot crouches before it is damped."""
-POWERED = (Mode.STANDING, Mode.ACTIVE, Mode.CROUCHING)
 
 
 def derating_faults(config: SafetyConfig) -> int:
@@ -37,8 +37,21 @@ def derating_faults(config: SafetyConfig) -> int:
     return sum(fault.value for fault, answer in choices.items() if answer == "derate")
 
 
-def health_of(found: int, mode: Mode, tolerated: int) -> Health:
-    """What is left of a robot.
+@compiled
+def is_powered(mode: int) -> bool:
+    """Whether the joints are under power in a state."""
+    return mode == Mode.STANDING or mode == Mode.ACTIVE or mode == Mode.CROUCHING
+
+
+@compiled
+def is_down(mode: int) -> bool:
+    """Whether a state is one that a fault leads to."""
+    return mode == Mode.CROUCHING or mode == Mode.DAMPED
+
+
+@compiled
+def health_of(found: int, mode: int, tolerated: int) -> int:
+    """What is left of a robot, as a number of `Health`.
 
     Args:
         found: faults of this tick.
@@ -50,5 +63,5 @@ def health_of(found: int, mode: Mode, tolerated: int) -> Health:
         passed_over |= BLINDING | Fault.TILT.value
     serious = found & ~passed_over
     if serious & ~BLINDING:
-        return Health.UNFIT
-    return Health.BLIND if serious else Health.FIT
+        return Health.UNFIT.value
+    return (Health.BLIND if serious else Health.FIT).value

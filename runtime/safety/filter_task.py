@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from runtime.compiled import compiled, table_of
 from runtime.models.inertial import InertialConfig
-from runtime.safety.answers import HALTS, POWERED, derating_faults, health_of
+from runtime.safety.answers import HALTS, derating_faults, health_of, is_down, is_powered
 from runtime.safety.config import SafetyConfig
 from runtime.safety.limits import joint_bounds, within
 from runtime.safety.state_machine import Health, next_mode
@@ -28,11 +28,9 @@ from runtime.signals import (
     JointState,
     LoopTiming,
     Mode,
-    Motion,
     OperatorRequest,
     Posture,
     SafetyStatus,
-    Stance,
 )
 from runtime.tasks import Task
 
@@ -72,12 +70,9 @@ class SafetyTask(Task):
         output: JointCommand,
         status: SafetyStatus,
     ) -> None:
-        self._config, self._derating = config, derating_faults(config)
-        self._operator, self._posture, self._gait, self._status = operator, posture, gait, status
-        watched = (imu, joints, body, battery, buses, timing, operator, body_command, gait, forces, command)
-        self.reads, self.writes = (*watched, posture), (output, status)
+        watched = (imu, joints, body, battery, buses, timing, operator, body_command, gait, forces, command, posture)
+        self.reads, self.writes = watched, (output, status)
         self.state: SafetyMemory = SafetyMemory("/ugv/state/safety", output.sizes)
-        parameters, low, high = table_of(config), *joint_bounds(config)
         inputs = Inputs(
             imu.table,
             joints.table,
@@ -90,86 +85,112 @@ class SafetyTask(Task):
             gait.table,
             forces.table,
             command.table,
+            posture.table,
         )
-        self._faults = partial(faults, parameters, table_of(inertial), low, high, self.state.table, inputs)
-        effort_step = config.effort_rate_max_nmps * period_ns * 1e-9
-        self._filter = partial(
-            _filter, parameters, low, high, effort_step, joints.table, command.table, self.state.table, output.table
+        self._pass = partial(
+            _pass,
+            table_of(config),
+            table_of(inertial),
+            *joint_bounds(config),
+            config.effort_rate_max_nmps * period_ns * 1e-9,
+            derating_faults(config),
+            inputs,
+            self.state.table,
+            output.table,
+            status.table,
         )
 
     def step(self, now_ns: int) -> None:
         """One tick; see `Task`."""
-        memory, status = self.state, self._status
-        found = self._faults(now_ns)
-        before = Mode(memory.mode)
-        tolerated = self._derate(before, found, now_ns)
-        mode = self._next_mode(before, self._health(before, found, tolerated, now_ns))
-        if mode in (Mode.CROUCHING, Mode.DAMPED) and before not in (Mode.CROUCHING, Mode.DAMPED):
-            memory.fault, memory.faults, memory.crouch_ns = found, memory.faults + 1, now_ns
-        elif mode == Mode.DAMPED and before == Mode.CROUCHING:
-            memory.fault |= found
-        elif mode not in (Mode.CROUCHING, Mode.DAMPED):
-            memory.fault = 0
-        memory.mode = mode
-        self._filter(now_ns, mode in POWERED and before in POWERED, memory.derated != 0)
-        status.stamp_ns, status.mode, status.warning = now_ns, mode, found
-        status.fault, status.limited, status.faults = memory.fault, memory.limited, memory.faults
-        status.halt, status.coasted = found & HALTS | memory.derated, memory.coasted
-        status.derated = memory.derated != 0
+        self._pass(now_ns)
 
-    def _next_mode(self, mode: Mode, health: Health) -> Mode:
-        operator = self._operator
-        return next_mode(
-            mode,
-            health,
-            operator.arm,
-            operator.reset,
-            Motion(operator.motion),
-            Stance(self._posture.stance),
-            self._gait.walking,
-        )
 
-    def _health(self, mode: Mode, found: int, tolerated: int, now_ns: int) -> Health:
-        if mode == Mode.CROUCHING and now_ns - self.state.crouch_ns > self._config.crouch_max_ns:
-            return Health.UNFIT
-        return health_of(found, mode, tolerated)
+@compiled
+def _pass(
+    configs: Sequence[SafetyConfig],
+    inertials: Sequence[InertialConfig],
+    low: Array,
+    high: Array,
+    effort_step: float,
+    derating: int,
+    inputs: Inputs,
+    memories: Sequence[SafetyMemory],
+    outputs: Sequence[JointCommand],
+    statuses: Sequence[SafetyStatus],
+    now_ns: int,
+) -> None:
+    """Look for faults, decide on the mode, and pass the command on as far as it may be."""
+    config, memory, status = configs[0], memories[0], statuses[0]
+    found = faults(config, inertials[0], low, high, memory, inputs, now_ns)
+    before = int(memory.mode)
+    tolerated = _derate(config, memory, derating, before, found, now_ns)
+    operator = inputs.operator[0]
+    mode = next_mode(
+        before,
+        _health(config, memory, before, found, tolerated, now_ns),
+        operator.arm,
+        operator.reset,
+        int(operator.motion),
+        int(inputs.posture[0].stance),
+        inputs.gait[0].walking,
+    )
+    if is_down(mode) and not is_down(before):
+        memory.fault, memory.faults, memory.crouch_ns = found, memory.faults + 1, now_ns
+    elif mode == Mode.DAMPED and before == Mode.CROUCHING:
+        memory.fault |= found
+    elif not is_down(mode):
+        memory.fault = 0
+    memory.mode = mode
+    powered = is_powered(mode) and is_powered(before)
+    _filter(config, low, high, effort_step, inputs, memory, outputs[0], now_ns, powered)
+    status.stamp_ns, status.mode, status.warning = now_ns, mode, found
+    status.fault, status.limited, status.faults = memory.fault, memory.limited, memory.faults
+    status.halt, status.coasted = found & HALTS | memory.derated, memory.coasted
+    status.derated = memory.derated != 0
 
-    def _derate(self, mode: Mode, found: int, now_ns: int) -> int:
-        """Keep account of the faults that the robot is derated for; those that are tolerated yet."""
-        memory, present = self.state, found & self._derating
-        if mode not in POWERED:
-            memory.derated = 0
-            return 0
-        if present:
-            if not memory.derated:
-                memory.derate_ns = now_ns
-            memory.derated |= present
-            memory.derate_seen_ns = now_ns
-        elif now_ns - memory.derate_seen_ns > self._config.derate_clear_ns:
-            memory.derated = 0
-        expired = memory.derated and now_ns - memory.derate_ns > self._config.derate_ns
-        return 0 if expired else self._derating
+
+@compiled
+def _health(config: SafetyConfig, memory: SafetyMemory, mode: int, found: int, tolerated: int, now_ns: int) -> int:
+    if mode == Mode.CROUCHING and now_ns - memory.crouch_ns > config.crouch_max_ns:
+        return Health.UNFIT.value
+    return health_of(found, mode, tolerated)
+
+
+@compiled
+def _derate(config: SafetyConfig, memory: SafetyMemory, derating: int, mode: int, found: int, now_ns: int) -> int:
+    """Keep account of the faults that the robot is derated for; those that are tolerated yet."""
+    present = found & derating
+    if not is_powered(mode):
+        memory.derated = 0
+        return 0
+    if present:
+        if memory.derated == 0:
+            memory.derate_ns = now_ns
+        memory.derated |= present
+        memory.derate_seen_ns = now_ns
+    elif now_ns - memory.derate_seen_ns > config.derate_clear_ns:
+        memory.derated = 0
+    expired = memory.derated != 0 and now_ns - memory.derate_ns > config.derate_ns
+    return 0 if expired else derating
 
 
 @compiled
 def _filter(
-    configs: Sequence[SafetyConfig],
+    config: SafetyConfig,
     low: Array,
     high: Array,
     effort_step: float,
-    all_joints: Sequence[JointState],
-    commands: Sequence[JointCommand],
-    memories: Sequence[SafetyMemory],
-    outputs: Sequence[JointCommand],
+    inputs: Inputs,
+    memory: SafetyMemory,
+    output: JointCommand,
     now_ns: int,
     powered: bool,
-    derated: bool,
 ) -> None:
     """The command within its limits; or without power no stiffness, no torque, and velocity damping."""
-    config, command, memory, output = configs[0], commands[0], memories[0], outputs[0]
+    command = inputs.command[0]
     output.stamp_ns = now_ns
     if not powered:
-        output.position[:] = all_joints[0].position
+        output.position[:] = inputs.joints[0].position
         output.velocity[:] = 0.0
         output.effort[:] = 0.0
         output.stiffness[:] = 0.0
@@ -178,7 +199,7 @@ def _filter(
         return
     one = np.ones(low.shape[0])
     strongest, fastest = config.effort_max_nm * one, config.velocity_max_radps * one
-    if derated:
+    if memory.derated != 0:
         strongest = config.derated_effort_nm * one
     lowest = np.maximum(-strongest, np.minimum(strongest, memory.effort - effort_step))
     highest = np.maximum(-strongest, np.minimum(strongest, memory.effort + effort_step))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+from runtime.compiled import compiled
 from runtime.signals import Mode, Motion, Stance
 
 
@@ -16,10 +17,9 @@ class Health(IntEnum):
     UNFIT = 2
 
 
-def next_mode(
-    mode: Mode, health: Health, armed: bool, reset: bool, motion: Motion, stance: Stance, walking: bool
-) -> Mode:
-    """The state that follows.
+@compiled
+def next_mode(mode: int, health: int, armed: bool, reset: bool, motion: int, stance: int, walking: bool) -> int:
+    """The state that follows, as a number of `Mode`.
 
     DAMPED is latched: leaving it takes a fit robot and an explicit reset with the arm withdrawn, then a new arm. A
     blind robot can no longer balance, but its joints obey: it crouches, whatever returns meanwhile, and is then damped.
@@ -34,23 +34,24 @@ def next_mode(
         walking: whether the gait steps.
     """
     if mode == Mode.DAMPED:
-        return Mode.STANDBY if health == Health.FIT and reset and not armed else Mode.DAMPED
+        return (Mode.STANDBY if health == Health.FIT and reset and not armed else Mode.DAMPED).value
     if mode == Mode.OFF:
-        return Mode.STANDBY if health == Health.FIT else Mode.OFF
+        return (Mode.STANDBY if health == Health.FIT else Mode.OFF).value
     if mode == Mode.CROUCHING:
         ended = health == Health.UNFIT or not armed or stance == Stance.RESTING
-        return Mode.DAMPED if ended else Mode.CROUCHING
+        return (Mode.DAMPED if ended else Mode.CROUCHING).value
     if health == Health.BLIND and armed and mode != Mode.STANDBY and stance != Stance.RESTING:
-        return Mode.CROUCHING
+        return Mode.CROUCHING.value
     if health != Health.FIT:
-        return Mode.DAMPED
+        return Mode.DAMPED.value
     if mode == Mode.STANDBY:
-        return Mode.STANDING if armed and motion in (Motion.STAND, Motion.WALK) else Mode.STANDBY
-    resting = stance == Stance.RESTING and motion in (Motion.REST, Motion.SIT)
+        rises = armed and (motion == Motion.STAND or motion == Motion.WALK)
+        return (Mode.STANDING if rises else Mode.STANDBY).value
+    resting = stance == Stance.RESTING and (motion == Motion.REST or motion == Motion.SIT)
     if not armed or (mode == Mode.STANDING and resting):
-        return Mode.STANDBY if resting else Mode.DAMPED
+        return (Mode.STANDBY if resting else Mode.DAMPED).value
     if mode == Mode.STANDING and motion == Motion.WALK and stance == Stance.STANDING:
-        return Mode.ACTIVE
+        return Mode.ACTIVE.value
     if mode == Mode.ACTIVE and motion != Motion.WALK and not walking:
-        return Mode.STANDING
-    return mode
+        return Mode.STANDING.value
+    return int(mode)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from runtime.compiled import compiled
 from runtime.models.inertial import InertialConfig, is_finite_sample, is_plausible
 from runtime.records import Record, float64_array, int64, int64_array, uint8, uint32, uint32_array
+from runtime.safety.answers import is_powered
 from runtime.safety.config import SafetyConfig
 from runtime.safety.limits import is_finite, tilt
 from runtime.signals import (
@@ -27,8 +28,8 @@ from runtime.signals import (
     JointCommand,
     JointState,
     LoopTiming,
-    Mode,
     OperatorRequest,
+    Posture,
 )
 
 Array = npt.NDArray[np.float64]
@@ -63,7 +64,7 @@ class SafetyMemory(Record):
 
 
 class Inputs(NamedTuple):
-    """Everything that is watched, each as the table of a record."""
+    """Everything that the filter reads, each as the table of a record."""
 
     imu: Sequence[Imu]
     joints: Sequence[JointState]
@@ -76,22 +77,23 @@ class Inputs(NamedTuple):
     gait: Sequence[Gait]
     forces: Sequence[ContactForces]
     command: Sequence[JointCommand]
+    posture: Sequence[Posture]
 
 
 @compiled
 def faults(
-    configs: Sequence[SafetyConfig],
-    inertials: Sequence[InertialConfig],
+    config: SafetyConfig,
+    inertial: InertialConfig,
     low: Array,
     high: Array,
-    memories: Sequence[SafetyMemory],
+    memory: SafetyMemory,
     inputs: Inputs,
     now_ns: int,
 ) -> int:
     """Everything that is wrong, as bits of `Fault`."""
-    config, memory, joints = configs[0], memories[0], inputs.joints[0]
-    powered = memory.mode == Mode.STANDING or memory.mode == Mode.ACTIVE or memory.mode == Mode.CROUCHING
-    found = inertial_faults(config, inertials[0], memory, inputs.imu[0], now_ns)
+    joints = inputs.joints[0]
+    powered = is_powered(memory.mode)
+    found = inertial_faults(config, inertial, memory, inputs.imu[0], now_ns)
     found |= reply_faults(config, memory, joints)
     found |= joint_faults(config, memory, joints, now_ns)
     found |= bus_faults(memory, inputs.buses[0])
