@@ -9,6 +9,8 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from runtime.compiled import compiled
+
 Array = npt.NDArray[np.float64]
 
 
@@ -33,9 +35,10 @@ class PostureConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     damping_nms_prad: Annotated[float, msgspec.Meta(gt=0.0, le=5.0)] = 2.0
 
 
+@compiled
 def blend(begin: Array, end: Array, progress: float) -> tuple[Array, Array]:
     """Minimum-jerk motion: position, and rate per unit of progress, at `progress` in [0, 1]."""
     s = min(max(progress, 0.0), 1.0)
     position = begin + (end - begin) * (s**3 * (10 - 15 * s + 6 * s * s))
     rate = (end - begin) * (30 * s * s * (1 - s) ** 2)
-    return position, np.asarray(rate)
+    return position, rate

@@ -3,13 +3,21 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+
+from runtime.compiled import compiled, table_of
 from runtime.legged.posture import PostureConfig, blend
 from runtime.models.quadruped import Quadruped
 from runtime.records import Record, boolean, float64, float64_array, int64, uint8
 from runtime.signals import JointState, Mode, Motion, OperatorRequest, Posture, SafetyStatus, Stance
 from runtime.tasks import Task
+
+Array = npt.NDArray[np.float64]
 
 UPRIGHT_TOLERANCE_RAD = 0.25
 """Joints this close to the standing posture need no standing up, only a short settling."""
@@ -25,6 +33,14 @@ class PostureMemory(Record):
     begin = float64_array("joint", "rad")
     begin_ns = int64("ns")
     duration_s = float64("s")
+
+
+class Postures(NamedTuple):
+    """Joint angles (12,) of the postures between which the robot moves."""
+
+    upright: Array
+    seated: Array
+    crouched: Array
 
 
 class PostureTask(Task):
@@ -48,52 +64,80 @@ class PostureTask(Task):
         safety: SafetyStatus,
         output: Posture,
     ) -> None:
-        self._config = config
-        self._joints, self._operator, self._safety, self._output = joints, operator, safety, output
-        self._upright = description.standing_angles(config.height_m)
-        self._seated = description.standing_angles(config.sitting_height_m)
-        self._crouched = description.standing_angles(config.crouching_height_m)
         self.reads, self.writes = (joints, operator, safety), (output,)
         self.state: PostureMemory = PostureMemory("/ugv/state/posture", output.sizes)
+        heights = config.height_m, config.sitting_height_m, config.crouching_height_m
+        self._move = partial(
+            _move,
+            table_of(config),
+            Postures(*(description.standing_angles(height) for height in heights)),
+            joints.table,
+            operator.table,
+            safety.table,
+            self.state.table,
+            output.table,
+        )
 
     def step(self, now_ns: int) -> None:
         """One tick; see `Task`."""
-        memory, output = self.state, self._output
-        mode = self._safety.mode
-        up = self._operator.motion in (Motion.STAND, Motion.WALK)
-        if mode == Mode.CROUCHING:
-            self._crouch(now_ns)
-        elif mode not in (Mode.STANDING, Mode.ACTIVE):
-            memory.stance, memory.crouching = Stance.RESTING, False
-        elif up and memory.stance in (Stance.RESTING, Stance.SITTING):
-            self._begin(Stance.RISING, self._upright, now_ns)
-        elif not up and mode == Mode.STANDING and memory.stance in (Stance.RISING, Stance.STANDING):
-            self._begin(Stance.SITTING, self._seated, now_ns)
-        target = self._upright if memory.stance in (Stance.RISING, Stance.STANDING) else self._seated
-        if memory.crouching:
-            target = self._crouched
-        if memory.stance in (Stance.RISING, Stance.SITTING):
-            progress = (now_ns - memory.begin_ns) * 1e-9 / memory.duration_s
-            output.position, rate = blend(memory.begin, target, progress)
-            output.velocity = rate / memory.duration_s
-            if progress >= 1.0:
-                memory.stance = Stance.STANDING if memory.stance == Stance.RISING else Stance.RESTING
-        else:
-            progress = 1.0
-            output.position, output.velocity = target, 0.0
-        output.stamp_ns = now_ns
-        output.stance = memory.stance
-        output.progress = min(progress, 1.0)
+        self._move(now_ns)
 
-    def _crouch(self, now_ns: int) -> None:
-        """Go down from wherever the joints are."""
-        if not self.state.crouching:
-            self.state.crouching = True
-            self._begin(Stance.SITTING, self._crouched, now_ns)
-            self.state.duration_s = self._config.crouch_s
 
-    def _begin(self, stance: Stance, target: np.ndarray, now_ns: int) -> None:
-        memory = self.state
-        memory.stance, memory.begin, memory.begin_ns = stance, self._joints.position, now_ns
-        distance = float(np.abs(target - memory.begin).max()) / UPRIGHT_TOLERANCE_RAD
-        memory.duration_s = self._config.rise_s * min(1.0, max(SHORTEST_FRACTION, distance))
+@compiled
+def _move(
+    configs: Sequence[PostureConfig],
+    postures: Postures,
+    all_joints: Sequence[JointState],
+    operators: Sequence[OperatorRequest],
+    statuses: Sequence[SafetyStatus],
+    memories: Sequence[PostureMemory],
+    outputs: Sequence[Posture],
+    now_ns: int,
+) -> None:
+    """Begin a motion where one is asked for, and go on with the present one."""
+    config, joints, memory, output = configs[0], all_joints[0], memories[0], outputs[0]
+    mode, motion = statuses[0].mode, operators[0].motion
+    up = motion == Motion.STAND or motion == Motion.WALK
+    if mode == Mode.CROUCHING:
+        if not memory.crouching:
+            memory.crouching = True
+            _begin(config, memory, joints, Stance.SITTING.value, postures.crouched, now_ns)
+            memory.duration_s = config.crouch_s
+    elif mode != Mode.STANDING and mode != Mode.ACTIVE:
+        memory.stance, memory.crouching = Stance.RESTING.value, False
+    elif up and (memory.stance == Stance.RESTING or memory.stance == Stance.SITTING):
+        _begin(config, memory, joints, Stance.RISING.value, postures.upright, now_ns)
+    elif not up and mode == Mode.STANDING and is_up(memory.stance):
+        _begin(config, memory, joints, Stance.SITTING.value, postures.seated, now_ns)
+    target = postures.upright if is_up(memory.stance) else postures.seated
+    if memory.crouching:
+        target = postures.crouched
+    progress = 1.0
+    if memory.stance == Stance.RISING or memory.stance == Stance.SITTING:
+        progress = (now_ns - memory.begin_ns) * 1e-9 / memory.duration_s
+        position, rate = blend(memory.begin, target, progress)
+        output.position[:], output.velocity[:] = position, rate / memory.duration_s
+        if progress >= 1.0:
+            memory.stance = (Stance.STANDING if memory.stance == Stance.RISING else Stance.RESTING).value
+    else:
+        output.position[:], output.velocity[:] = target, 0.0
+    output.stamp_ns = now_ns
+    output.stance = memory.stance
+    output.progress = min(progress, 1.0)
+
+
+@compiled
+def is_up(stance: int) -> bool:
+    """Whether the legs stand, or are on their way to it."""
+    return stance == Stance.RISING or stance == Stance.STANDING
+
+
+@compiled
+def _begin(
+    config: PostureConfig, memory: PostureMemory, joints: JointState, stance: int, target: Array, now_ns: int
+) -> None:
+    """Set out for a posture from wherever the joints are."""
+    memory.stance, memory.begin_ns = stance, now_ns
+    memory.begin[:] = joints.position
+    distance = np.abs(target - memory.begin).max() / UPRIGHT_TOLERANCE_RAD
+    memory.duration_s = config.rise_s * min(1.0, max(SHORTEST_FRACTION, distance))
