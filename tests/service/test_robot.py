@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot's own processes under their units, with a simulated robot at the far end of the buses."""
 
+import ctypes
 import json
 import os
 import pwd
 import signal
 import subprocess
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -21,10 +23,18 @@ from sim_bridge.tick_mirror import TickMirror
 RUNTIME, LOGS, CONFIGURATION = Path("/run/ugv"), Path("/var/log/ugv"), Path("/etc/ugv/uslgo1.toml")
 PYTHON, UGV = "/opt/ugv/venv/bin/python", "/opt/ugv/venv/bin/ugv"
 UNITS = ("ugv-recorder.service", "ugv-link.service", "ugv-control.service")
-FAST_TICK = TICK_TOPIC_PREFIX + "wbc"
+LOOPS = ("wbc", "mpc")
 PATIENCE_S = 120
 AFTER_RESTART_S = 3
 ATTEMPTS, ATTEMPT_S = 30, 5
+TICKS_BESIDE = 10
+"""Of the loop that goes on while another is stopped: a fifth of a second of the slow one."""
+
+PTRACE_CONT, PTRACE_DETACH, PTRACE_SEIZE, PTRACE_INTERRUPT = 7, 17, 0x4206, 0x4207
+WAIT_FOR_THREADS = 0x40000000
+CLOCK_NANOSLEEP = {"x86_64": 230, "aarch64": 115}[os.uname().machine]
+LIBC = ctypes.CDLL(None, use_errno=True)
+LIBC.ptrace.argtypes = (ctypes.c_long, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
 
 
 def systemctl(*arguments):
@@ -49,10 +59,15 @@ class Watch:
         self._listener = TickListener(RUNTIME / OBSERVER_SOCKET)
         (RUNTIME / OBSERVER_SOCKET).chmod(0o666)
         loops = assemble(load_configuration(str(CONFIGURATION))).loops
-        self._mirror = TickMirror(loops, [topics.SAFETY, FAST_TICK], self)
-        self._safety, self._tick = (self._mirror.records[topic] for topic in (topics.SAFETY, FAST_TICK))
+        ticks = [TICK_TOPIC_PREFIX + name for name in LOOPS]
+        self._mirror = TickMirror(loops, [topics.SAFETY, *ticks], self)
+        self._safety, *self._ticks = (self._mirror.records[topic] for topic in (topics.SAFETY, *ticks))
         self._waiting = None
         self.processes = 1
+
+    def tick(self, loop):
+        """The last tick of a loop."""
+        return self._ticks[LOOPS.index(loop)]
 
     def receive(self, timeout_s):
         """One datagram at a time, for the mirror."""
@@ -65,9 +80,9 @@ class Watch:
         while (left := until - time.monotonic()) > 0:
             self._waiting = self._listener.receive(left)
             if self._waiting is not None:
-                before = self._tick.index
+                before = self.tick("wbc").index
                 self._mirror.update()
-                self.processes += self._tick.index < before
+                self.processes += self.tick("wbc").index < before
                 yield Mode(self._safety.mode)
 
     def until(self, happened):
@@ -110,10 +125,40 @@ def robot(compiled, real_time_by_limits):
     assert simulator.stdout.readline() == b"ready\n"
     yield simulator, watch
     systemctl("stop", "ugv.target", *UNITS)
+    systemctl("reset-failed")
     simulator.terminate()
     simulator.wait()
     simulator.stdout.close()
     watch.close()
+
+
+def ptrace(request, thread):
+    if LIBC.ptrace(request, thread, None, None) < 0:
+        raise OSError(ctypes.get_errno(), "ptrace, which in a container takes CAP_SYS_PTRACE")
+
+
+def thread_of(process, priority):
+    """The one thread of a process that has a priority."""
+    threads = [int(task.name) for task in Path(f"/proc/{process}/task").iterdir()]
+    (found,) = [thread for thread in threads if os.sched_getparam(thread).sched_priority == priority]
+    return found
+
+
+@contextmanager
+def stopped(thread):
+    """A thread stands still while the others of its process go on; stopped in its sleep, where it holds nothing."""
+    ptrace(PTRACE_SEIZE, thread)
+    try:
+        while True:
+            ptrace(PTRACE_INTERRUPT, thread)
+            os.waitpid(thread, WAIT_FOR_THREADS)
+            if Path(f"/proc/{thread}/syscall").read_text().split()[0] == str(CLOCK_NANOSLEEP):
+                break
+            ptrace(PTRACE_CONT, thread)
+        yield
+    finally:
+        if Path(f"/proc/{thread}").exists():
+            ptrace(PTRACE_DETACH, thread)
 
 
 def test_the_host_is_found_unfit_without_can_and_fit_otherwise(compiled):
@@ -154,6 +199,30 @@ def test_a_killed_control_comes_back_in_standby_though_the_robot_stood(robot):
     assert not seen & {Mode.STANDING, Mode.ACTIVE}, seen
     assert main_pid("ugv-control.service") not in (0, killed)
     assert systemctl("show", "ugv-control.service", "--property=NRestarts", "--value").strip() == "1"
+
+
+@pytest.mark.parametrize(("loop", "other"), [LOOPS, LOOPS[::-1]])
+def test_control_is_killed_and_comes_back_in_standby_if_only_one_of_its_loops_stops(loop, other, robot):
+    simulator, watch = robot
+    systemctl("start", "ugv.target")
+    systemctl("start", "ugv-control.service")
+    stand_up(robot)
+    simulator.send_signal(signal.SIGUSR1)
+    killed = main_pid("ugv-control.service")
+    thread = thread_of(killed, getattr(load_configuration(str(CONFIGURATION)).loops, f"{loop}_priority"))
+    with stopped(thread):
+        stopped_ns = time.monotonic_ns()
+        watch.until(lambda mode: watch.tick(other).now_ns > stopped_ns)
+        last, beside = watch.tick(loop).index, watch.tick(other).index + TICKS_BESIDE
+        watch.until(lambda mode: watch.tick(other).index >= beside)
+        assert (watch.processes, watch.tick(loop).index) == (1, last)
+        _, ended = os.waitpid(thread, WAIT_FOR_THREADS)
+    assert os.WTERMSIG(ended) == signal.SIGABRT, "which is what the watchdog sends"
+    watch.until(lambda mode: watch.processes == 2)
+    seen = watch.until(lambda mode: mode == Mode.STANDBY) | set(watch.modes(AFTER_RESTART_S))
+    assert not seen & {Mode.STANDING, Mode.ACTIVE}, seen
+    assert main_pid("ugv-control.service") not in (0, killed)
+    assert any("Watchdog timeout" in line for line in journal())
 
 
 def test_the_run_is_recorded_where_the_unit_says(robot):
