@@ -65,6 +65,8 @@ class Loop:
         receives: records that another loop writes; copies, refreshed at each release.
         schedule: the tasks.
         port_outputs: records handed to ports after the tasks ran.
+        last_outputs: records handed to the ports of the same topics when the loop ends in real time, whatever ended it;
+            no task writes them.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Loop:
     receives: tuple[Record, ...]
     schedule: tuple[Scheduled, ...]
     port_outputs: tuple[Record, ...]
+    last_outputs: tuple[Record, ...] = ()
 
     @property
     def writes(self) -> tuple[Record, ...]:

@@ -3,7 +3,8 @@
 
 It runs the tasks that lockstep runs, untouched. What one loop gives another becomes visible at release + budget, or
 when it is ready if that is later; frames leave at once. A loop that is not done when its next release comes skips
-whole periods, so that it never runs after a backlog, and counts them.
+whole periods, so that it never runs after a backlog, and counts them. A loop that ends, be it by an exception in any of
+them, leaves its last outputs to its ports: what a drive hears last is not the command of a moment long past.
 """
 
 from __future__ import annotations
@@ -103,13 +104,25 @@ class RealTime:
     def _guarded(self, run: LoopRun, start_ns: int) -> None:
         signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
         try:
-            self._note(run_first(run.loop.priority))
+            refusal = run_first(run.loop.priority)
+            self._note(refusal)
+            if refusal and self._liveness is not None:
+                self._liveness.at_normal_priority(refusal)
             if self._processors:
                 self._note(stay_on(self._processors))
             self._loop(run, start_ns)
         except BaseException as failure:
             self._failures.append(failure)
             self.stop()
+        self._leave(run)
+
+    def _leave(self, run: LoopRun) -> None:
+        """Hand over the last outputs; from the loop's own thread, so that none of its commands comes after them."""
+        try:
+            for record in run.loop.last_outputs:
+                self._output_ports[record.topic].write(record, time.monotonic_ns())
+        except BaseException as failure:
+            self._failures.append(failure)
 
     def _loop(self, run: LoopRun, start_ns: int) -> None:
         alarm, tick, loop = Alarm(), run.tick, run.loop

@@ -12,6 +12,8 @@ from runtime.signals import CanFrames, JointCommand, JointState, Mode, OperatorR
 from runtime.tasks import Task
 
 COUNTERS = len(Counter)
+NEVER_OLD_NS = (1 << 63) - 1
+"""Stamp of frames that are true at any time."""
 
 
 class CounterMemory(Record):
@@ -95,3 +97,12 @@ class EncodeTask(Task):
             data = group.data
         output.stamp_ns, output.count = now_ns, self._count
         output.data[: data.shape[0]] = data
+
+
+def damping_frames(group: JointGroup, frames: CanFrames) -> CanFrames:
+    """The record filled with damping for every joint: what the drives are to be told last."""
+    data = group.encode_damping().view(np.uint8)
+    frames.stamp_ns, frames.count = NEVER_OLD_NS, len(group.joints)
+    frames.bus[: frames.count] = group.bus
+    frames.data[: data.shape[0]] = data
+    return frames

@@ -19,7 +19,7 @@ from runtime.legged.whole_body import WholeBodyLaw
 from runtime.models.quadruped import JOINT_NAMES
 from runtime.optimization.qp import SOLVERS
 from runtime.robots import topics
-from runtime.robots.motor_tasks import DecodeTask, EncodeTask
+from runtime.robots.motor_tasks import DecodeTask, EncodeTask, damping_frames
 from runtime.robots.robot import Robot
 from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.safety.authority import AuthorityTask
@@ -162,6 +162,7 @@ def _wbc_loop(config: Uslgo1Config, board: _Board) -> Loop:
         receives=(board.command, board.forces),
         schedule=tuple(Scheduled(task) for task in tasks),
         port_outputs=(board.can_sent,),
+        last_outputs=(damping_frames(sending, board.can_sent.like()),),
     )
 
 

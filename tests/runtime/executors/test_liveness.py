@@ -39,10 +39,31 @@ def test_ready_is_told_once_after_ticks_in_a_row_that_were_on_time():
     for index in range(READY_AFTER_TICKS - 1):
         liveness.ticked((index + 1,), True, 0)
     liveness.ticked((READY_AFTER_TICKS,), False, 0)
-    assert manager == []
+    assert manager == [f"STATUS=waiting for {READY_AFTER_TICKS} ticks on time in a row; 1 so far"]
     for index in range(2 * READY_AFTER_TICKS):
         liveness.ticked((index,), True, 0)
-    assert manager == ["READY=1"]
+    assert manager[1:] == ["STATUS=the loops keep time", "READY=1"]
+
+
+@pytest.mark.parametrize("on_time", [0, 1, READY_AFTER_TICKS - 1])
+def test_loops_at_normal_priority_are_ready_after_as_many_ticks_and_say_how_many_were_late(on_time):
+    manager = Manager()
+    liveness = Liveness(manager)
+    liveness.at_normal_priority("no SCHED_FIFO")
+    for index in range(READY_AFTER_TICKS):
+        assert "READY=1" not in manager
+        liveness.ticked((index + 1,), index < on_time, 0)
+    told = f"STATUS={on_time} of the first {READY_AFTER_TICKS} ticks were on time: no SCHED_FIFO"
+    assert manager[1:] == [told, "READY=1"]
+
+
+def test_loops_that_never_keep_time_at_a_real_time_priority_are_never_ready():
+    manager = Manager()
+    liveness = Liveness(manager)
+    for step in range(10 * READY_AFTER_TICKS):
+        liveness.ticked((step,), step % READY_AFTER_TICKS != 0, step * ALIVE_EVERY_NS)
+    assert "READY=1" not in manager
+    assert "WATCHDOG=1" in manager
 
 
 @pytest.mark.parametrize("stopped", [None, 0, 1])
@@ -52,4 +73,4 @@ def test_the_watchdog_is_fed_only_while_every_loop_advances(stopped):
     for step in range(1, 5):
         indices = tuple(7 if loop == stopped else step for loop in range(2))
         liveness.ticked(indices, True, step * ALIVE_EVERY_NS)
-    assert manager == ([] if stopped is not None else ["WATCHDOG=1"] * 3)
+    assert manager.count("WATCHDOG=1") == (0 if stopped is not None else 3)

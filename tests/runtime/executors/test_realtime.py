@@ -19,6 +19,8 @@ from runtime.records import Record, int64
 from runtime.tasks import Loop, Scheduled, Task
 
 MS = 1_000_000
+FAREWELL = -1
+"""What the fast loop leaves to its port."""
 
 
 class Count(Record):
@@ -63,9 +65,9 @@ class Outside:
             self.sent.append((arguments[0].value, arguments[1]))
 
 
-def run(steps=60, fast_work=lambda step: None, slow_work=lambda step: None):
+def run(steps=60, fast_work=lambda step: None, slow_work=lambda step: None, outside=None):
     """Run until the fast loop has made so many steps; gives tasks, outside, and the ticks of each loop."""
-    outside = Outside()
+    outside = outside or Outside()
 
     def fast(step):
         if step == steps - 1:
@@ -73,9 +75,10 @@ def run(steps=60, fast_work=lambda step: None, slow_work=lambda step: None):
         fast_work(step)
 
     a, b = Relay("a", "/b", "/a", fast), Relay("b", "/a", "/b", slow_work)
-    sensor = Count("/sensor")
+    sensor, farewell = Count("/sensor"), Count("/a")
+    farewell.value = FAREWELL
     loops = (
-        Loop("fast", 2 * MS, 1 * MS, 80, (sensor,), (a.input,), (Scheduled(a),), (a.output,)),
+        Loop("fast", 2 * MS, 1 * MS, 80, (sensor,), (a.input,), (Scheduled(a),), (a.output,), (farewell,)),
         Loop("slow", 10 * MS, 6 * MS, 60, (), (b.input,), (Scheduled(b),), ()),
     )
     executor = RealTime(loops, {"/sensor": outside}, {"/a": outside}, outside)
@@ -137,8 +140,9 @@ def test_a_stalled_loop_skips_whole_periods_and_counts_them():
 
 def test_frames_leave_after_the_step_that_made_them():
     _, _, outside, fast, _ = run()
-    assert [value for value, _ in outside.sent] == list(range(1, 61))
-    assert all(sent_ns >= tick.now_ns for (_, sent_ns), tick in zip(outside.sent, fast, strict=True))
+    sent = outside.sent[:-1]
+    assert [value for value, _ in sent] == list(range(1, 61))
+    assert all(sent_ns >= tick.now_ns for (_, sent_ns), tick in zip(sent, fast, strict=True))
 
 
 @pytest.mark.parametrize("loop", ["fast", "slow"])
@@ -147,10 +151,26 @@ def test_what_one_loop_raises_ends_them_all_and_is_raised(loop):
         if step == 3:
             raise ZeroDivisionError("a task that fails")
 
-    before = threading.active_count()
+    before, outside = threading.active_count(), Outside()
     with pytest.raises(ZeroDivisionError, match="a task that fails"):
-        run(steps=10**9, **{f"{loop}_work": fail})
+        run(10**9, outside=outside, **{f"{loop}_work": fail})
     assert threading.active_count() == before
+    assert [value for value, _ in outside.sent].index(FAREWELL) == len(outside.sent) - 1
+
+
+def test_what_a_loop_leaves_is_sent_once_after_all_else_when_it_is_stopped():
+    _, _, outside, fast, _ = run()
+    assert [value for value, _ in outside.sent] == [*range(1, len(fast) + 1), FAREWELL]
+
+
+def test_a_port_that_fails_at_the_end_too_does_not_hide_the_failure():
+    class Broken(Outside):
+        def write(self, *arguments):
+            if len(arguments) == 2:
+                raise ArithmeticError(f"{arguments[0].value}")
+
+    with pytest.raises(ArithmeticError, match="^1$"):
+        run(10**9, outside=Broken())
 
 
 @given(st.integers(0, 10**6), st.integers(1, 10**8), st.integers(0, 10**14), st.integers(0, 10**10))

@@ -16,7 +16,8 @@ from drivers.memory_ports import MemoryReader, MemoryWriter
 from drivers.mit import ENABLE
 from runtime import signals
 from runtime.robots import load_configuration
-from runtime.robots.motor_tasks import DecodeTask, EncodeTask
+from runtime.robots.fresh_frames import FreshFrames
+from runtime.robots.motor_tasks import DecodeTask, EncodeTask, damping_frames
 from runtime.robots.uslgo1.assembly import sizes
 from runtime.signals import Mode
 from sim_bridge.quadruped_world import drive_model
@@ -133,6 +134,20 @@ def test_drives_are_enabled_while_off_and_while_reset_only():
             sent[mode, reset] = {row.tobytes() for row in data} == {ENABLE}
     enabling = {key for key, value in sent.items() if value}
     assert enabling == {(Mode.OFF, False), (Mode.OFF, True), (Mode.DAMPED, True)}
+
+
+def test_damping_that_was_prepared_long_before_passes_the_gate_and_brakes_every_joint():
+    rig = Rig()
+    rig.command.effort, rig.command.stiffness = 10.0, 50.0
+    rig.tick()
+    rig.rates = np.linspace(-3, 3, 12)
+    assert (np.abs(rig.tick()) > 1.0).any()
+    last = damping_frames(JointGroup(JOINTS, DIALECT, MS), signals.CanFrames("/last", SIZES))
+    rig.writer = FreshFrames(rig.writer, MS)
+    rig.encode.step = lambda now_ns: rig.sent.copy_from(last)
+    rig.tick()
+    damping = np.array([joint.fallback_damping for joint in JOINTS])
+    np.testing.assert_allclose(rig.tick(), -damping * rig.rates, atol=0.1)
 
 
 def test_an_old_command_never_leaves_as_it_is():
