@@ -7,6 +7,7 @@ import json
 import socket
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -17,22 +18,29 @@ from runtime.configuration import dump
 from runtime.executors.processes import ProcessError, Processes, how_it_ended
 from runtime.robots import load_configuration
 from runtime.robots.uslgo1.config import Uslgo1Config
+from sim_bridge.live_buses import live_buses
 from sim_bridge.process import Task
 from sim_bridge.run import chosen_scenario, packed
 
-HUB = "ugv-unix"
 STOP_ORDER = ("control", "sim", "link", "recorder")
 
 
-def wired(robot: str, chosen: Mapping[str, str], directory: Path) -> Uslgo1Config:
-    """The configuration of a robot whose buses are hubs in the runtime directory, its link with a port of its own."""
-    channels = [str(directory / f"can{bus}") for bus in range(load_configuration(robot, chosen).drives.buses)]
-    wiring = {
-        "drives.interface": HUB,
-        "drives.channels": json.dumps(channels),
-        "link.listen": json.dumps([f"tcp/127.0.0.1:{_free_port()}"]),
-    }
-    return load_configuration(robot, {**chosen, **wiring})
+@contextmanager
+def wired(robot: str, chosen: Mapping[str, str], directory: Path) -> Iterator[tuple[Uslgo1Config, str]]:
+    """The configuration of a robot on buses made for one run, its link with a port of its own; and what the buses are.
+
+    Args:
+        robot: its name.
+        chosen: overrides of its configuration.
+        directory: runtime directory.
+    """
+    with live_buses(load_configuration(robot, chosen).drives.buses, directory) as buses:
+        wiring = {
+            "drives.interface": buses.interface,
+            "drives.channels": json.dumps(buses.channels),
+            "link.listen": json.dumps([f"tcp/127.0.0.1:{_free_port()}"]),
+        }
+        yield load_configuration(robot, {**chosen, **wiring}), buses.note
 
 
 class LiveProcesses:

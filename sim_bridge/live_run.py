@@ -51,7 +51,8 @@ def run_live(
         UgvError: for an unknown robot, scenario or key, or a process that ended before the run.
     """
     chosen = {**(overrides or {}), "variant.estimator": estimator, "variant.controller": controller}
-    with runtime_directory() as directory:
+    with runtime_directory() as directory, wired(robot, chosen, directory) as (config, buses):
+        print(f"ugv sil: {buses}", file=sys.stderr)
         task = Task(
             "",
             str(Path(scenario).resolve()) if scenario.lower().endswith(".csv") else scenario,
@@ -60,7 +61,7 @@ def run_live(
             until_s if math.isfinite(until_s) else None,
             duration_s,
         )
-        with LiveProcesses(wired(robot, chosen, directory), task, out) as live:
+        with LiveProcesses(config, task, out) as live:
             outcome = _watched(live, progress or _unseen)
             live.stop()
     _take_log(out)

@@ -42,6 +42,7 @@ from sim_bridge.ros_outlet import RosOutlet
 from sim_bridge.run import chosen_scenario, outcome_of, rehearse, world_of
 from sim_bridge.script import ScriptedOperator, ScriptedPath
 from sim_bridge.tick_mirror import TickMirror
+from sim_bridge.virtual_links import remove_orphaned_links
 
 
 class Task(msgspec.Struct):
@@ -116,6 +117,7 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
         listener = stack.enter_context(closing(TickListener(directory / OBSERVER_SOCKET)))
         ros = stack.enter_context(RosOutlet(config.link))
         stack.callback(remove_if_orphaned, directory)
+        stack.callback(remove_orphaned_links)
         world = world_of(config, course, course.terrain(task.seed), wires, task.seed)
         mirror = TickMirror(loops, WATCHED, listener)
         part = _part(task, config, course, world, mirror.records)

@@ -48,7 +48,7 @@ class Liveness:
             return
         self._due_ns = now_ns + ALIVE_EVERY_NS
         if not self._ready:
-            self._notifier.send(f"STATUS=waiting for {READY_AFTER_TICKS} ticks on time in a row; {self._in_a_row} so far")
+            self._notifier.send(f"STATUS={self._in_a_row} ticks on time in a row; ready at {READY_AFTER_TICKS}")
         if self._before and all(now > before for now, before in zip(indices, self._before, strict=True)):
             self._notifier.send("WATCHDOG=1")
         self._before = indices

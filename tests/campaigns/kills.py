@@ -72,8 +72,8 @@ def campaign(times: int, seed: int, out: Path) -> list[str]:
     chance, wrong, kills = random.Random(seed), [], []
     victims = [victim for victim in VICTIMS for _ in range(times)]
     chance.shuffle(victims)
-    with runtime_directory() as directory:
-        config = wired(ROBOT, {}, directory)
+    with runtime_directory() as directory, wired(ROBOT, {}, directory) as (config, buses):
+        print(buses, flush=True)
         task = Task("", SCENARIO, seed, str(directory), duration_s=1e6)
         with LiveProcesses(config, task, out) as live:
             watch, seen = Watch(live.answers()), 0

@@ -9,7 +9,6 @@ import pytest
 from drivers.can_frame import CAN_FRAME, FRAME_SIZE
 from drivers.dialects import dialect_named
 from drivers.joint_group import JointGroup
-from drivers.unix_can import UnixCanBus
 from drivers.unix_hub import UnixHub
 from runtime.executors.control import control
 from runtime.robots import load_configuration

@@ -39,7 +39,7 @@ def test_ready_is_told_once_after_ticks_in_a_row_that_were_on_time():
     for index in range(READY_AFTER_TICKS - 1):
         liveness.ticked((index + 1,), True, 0)
     liveness.ticked((READY_AFTER_TICKS,), False, 0)
-    assert manager == [f"STATUS=waiting for {READY_AFTER_TICKS} ticks on time in a row; 1 so far"]
+    assert manager == [f"STATUS=1 ticks on time in a row; ready at {READY_AFTER_TICKS}"]
     for index in range(2 * READY_AFTER_TICKS):
         liveness.ticked((index,), True, 0)
     assert manager[1:] == ["STATUS=the loops keep time", "READY=1"]

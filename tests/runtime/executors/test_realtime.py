@@ -169,7 +169,7 @@ def test_a_port_that_fails_at_the_end_too_does_not_hide_the_failure():
             if len(arguments) == 2:
                 raise ArithmeticError(f"{arguments[0].value}")
 
-    with pytest.raises(ArithmeticError, match="^1$"):
+    with pytest.raises(ArithmeticError, match=r"^1$"):
         run(10**9, outside=Broken())
 
 
