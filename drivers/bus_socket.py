@@ -2,7 +2,7 @@
 """One bus on a real socket that never waits and never raises, whatever happens to its link.
 
 python-can opens and configures the bus; its descriptor is then read and written directly, all frames of a tick by one
-call each way. It is the same for SocketCAN and for a `UnixHub`.
+call each way that keeps the interpreter. It is the same for SocketCAN and for a `UnixHub`.
 
 A bus whose link is lost is down, and what is to be sent on it is lost and counted. It is opened anew as soon as its
 link has returned, by a new socket in any case: the interface may have been deleted and made again, and what waits in

@@ -96,7 +96,7 @@ class ReceiveBatch:
 
         Args:
             descriptor: of the socket.
-            most: packets to read, at most the capacity.
+            most: packets to read; beyond the capacity none are.
 
         Returns:
             The length of each, above a frame's if it is longer than one; zeros where the far end has closed.
@@ -105,7 +105,7 @@ class ReceiveBatch:
             OSError: if the socket failed.
         """
         self._headers[:], self._control[:] = self._fresh_headers, self._fresh_control
-        count = _LIBC.recvmmsg(descriptor, self._first, most, _RECEIVE_FLAGS, None)
+        count = _LIBC.recvmmsg(descriptor, self._first, min(most, self.capacity), _RECEIVE_FLAGS, None)
         if count < 0:
             error = _error()
             if error.errno == errno.EAGAIN:
