@@ -77,6 +77,15 @@ def test_no_more_are_read_than_asked_for(ends):
     assert batch.frames[:32] == frame(3) + frame(4)
 
 
+def test_no_more_are_read_than_there_is_room_for(ends):
+    near, far = ends
+    batch = ReceiveBatch(2)
+    for number in range(3):
+        far.send(frame(number))
+    assert batch.receive(near.fileno(), 1000) == [16] * 2
+    assert batch.receive(near.fileno(), 1000) == [16]
+
+
 def test_a_far_end_that_closed_gives_packets_of_no_length(ends):
     near, far = ends
     far.send(frame(1))
