@@ -8,10 +8,12 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
+from runtime.compiled import compiled
+
 Array = npt.NDArray[np.float64]
 
 
-@cache
+@compiled
 def friction_pyramids(feet: int, friction: float, force_min: float, force_max: float) -> tuple[Array, Array, Array]:
     """Rows |f_t| <= mu f_n and bounds f_min <= f_n <= f_max.
 
@@ -24,8 +26,17 @@ def friction_pyramids(feet: int, friction: float, force_min: float, force_max: f
     Returns:
         The rows (4 n, 3 n), and the lower and upper bounds (7 n,) of the variables and then of the rows.
     """
-    rows = np.array([[1.0, 0.0, -friction], [-1.0, 0.0, -friction], [0.0, 1.0, -friction], [0.0, -1.0, -friction]])
-    side = friction * force_max
-    lower = np.concatenate((np.tile([-side, -side, force_min], feet), np.full(4 * feet, -1e9)))
-    upper = np.concatenate((np.tile([side, side, force_max], feet), np.zeros(4 * feet)))
-    return np.kron(np.eye(feet), rows), lower, upper
+    rows, side = np.zeros((4 * feet, 3 * feet)), friction * force_max
+    lower, upper = np.full(7 * feet, -1e9), np.zeros(7 * feet)
+    for foot in range(feet):
+        for row in range(4):
+            rows[4 * foot + row, 3 * foot + row // 2] = 1.0 - 2.0 * (row % 2)
+            rows[4 * foot + row, 3 * foot + 2] = -friction
+        for axis in range(3):
+            lower[3 * foot + axis] = force_min if axis == 2 else -side
+            upper[3 * foot + axis] = force_max if axis == 2 else side
+    return rows, lower, upper
+
+
+kept_pyramids = cache(friction_pyramids)
+"""The same, built once for each number of feet."""

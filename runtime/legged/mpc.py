@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from runtime.compiled import compiled, compiled_long
-from runtime.legged.friction import friction_pyramids
+from runtime.legged.friction import kept_pyramids
 from runtime.models.rigid_body import GRAVITY
 from runtime.models.rotations import rotation_z
 from runtime.models.vectors import cross, solve_three, turned
@@ -137,7 +137,7 @@ class TrunkMpc:
         """The QP of a horizon (eq 25-31)."""
         config = self.config
         hessian, gradient, step, foot = _condense(horizon, self._weight, config.force_weight)
-        constraints, lower, upper = friction_pyramids(
+        constraints, lower, upper = kept_pyramids(
             step.shape[0], config.friction / math.sqrt(2.0), config.force_min_n, config.force_max_n
         )
         return CondensedProblem(hessian, gradient, constraints, lower, upper, (step, foot))

@@ -39,6 +39,6 @@ class PostureConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def blend(begin: Array, end: Array, progress: float) -> tuple[Array, Array]:
     """Minimum-jerk motion: position, and rate per unit of progress, at `progress` in [0, 1]."""
     s = min(max(progress, 0.0), 1.0)
-    position = begin + (end - begin) * (s**3 * (10 - 15 * s + 6 * s * s))
+    position = begin + (end - begin) * (s**3.0 * (10 - 15 * s + 6 * s * s))
     rate = (end - begin) * (30 * s * s * (1 - s) ** 2)
     return position, rate

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from runtime.compiled import compiled
-from runtime.legged.friction import friction_pyramids
+from runtime.legged.friction import kept_pyramids
 from runtime.models.vectors import turned
 from runtime.optimization.linear import solve_positive
 from runtime.optimization.qp import QpSolver
@@ -110,6 +110,6 @@ def relaxation_problem(
 def relax(config: RelaxationConfig, solver: QpSolver, problem: RelaxationProblem) -> Relaxation:
     """Solve for the forces of the standing feet; if that fails, the planned ones are kept and `solved` is false."""
     feet = problem.planned.shape[0] // 3
-    constraints, lower, upper = friction_pyramids(feet, config.friction / SQRT_2, 0.0, config.force_max_n)
-    solution = solver.solve(problem.hessian, problem.gradient, constraints, lower, upper)
+    constraints, lower, upper = kept_pyramids(feet, config.friction / SQRT_2, 0.0, config.force_max_n)
+    solution = solver.search(problem.hessian, problem.gradient, constraints, lower, upper)
     return Relaxation(solution.x if solution.solved else problem.planned, solution.solved, solution.residual)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import importlib.machinery
 import importlib.util
 import math
+from abc import ABC, abstractmethod
 from functools import cache
 from typing import Any, NamedTuple, Protocol
 
@@ -19,7 +20,7 @@ import daqp
 import numpy as np
 import numpy.typing as npt
 
-from runtime.compiled import compiled
+from runtime.compiled import compiled, compiled_long
 from runtime.optimization.linear import solve_positive
 
 Array = npt.NDArray[np.float64]
@@ -64,7 +65,18 @@ class QpSolver(Protocol):
     ) -> QpSolution:
         """Solve from scratch."""
 
+    def search(
+        self,
+        hessian: Array,
+        gradient: Array,
+        constraints: Array,
+        lower: Array,
+        upper: Array,
+    ) -> QpSolution:
+        """Solve from scratch a problem of which is known that it has no interior solution."""
 
+
+@compiled
 def relative_residual(
     x: Array,
     multipliers: Array,
@@ -83,18 +95,14 @@ def relative_residual(
     stationarity = hessian @ x + gradient + multipliers[:variables] + multipliers[variables:] @ constraints
     values = np.concatenate((x, constraints @ x))
     above, below = upper - values, values - lower
-    slack = np.minimum(np.where(multipliers > 0.0, above, below), np.abs(multipliers))
-    force = 1.0 + float(np.abs(gradient).max())
-    size = 1.0 + float(np.abs(values).max())
-    parts = (
-        float(np.abs(stationarity).max()) / force,
-        -float(np.minimum(above, below).min()) / size,
-        float(slack.max()) / min(force, size),
-    )
-    return max(parts) if math.isfinite(sum(parts)) else math.inf
+    slack = np.minimum(np.where(multipliers > 0.0, above, below), np.abs(multipliers)).max()
+    force, size = 1.0 + np.abs(gradient).max(), 1.0 + np.abs(values).max()
+    steepest, outside = np.abs(stationarity).max() / force, -np.minimum(above, below).min() / size
+    residual = max(steepest, outside, slack / min(force, size))
+    return residual if math.isfinite(steepest + outside + slack) else math.inf
 
 
-@compiled
+@compiled_long
 def interior_solution(
     hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array
 ) -> tuple[bool, Array, float]:
@@ -115,37 +123,40 @@ def interior_solution(
     return True, x, np.abs(stationarity).max() / (1.0 + np.abs(gradient).max())
 
 
-def settled_without_solver(
-    hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array
-) -> QpSolution | None:
-    """What needs no solver: the refusal of data that are not finite, or an interior solution."""
-    inside, x, residual = interior_solution(hessian, gradient, constraints, lower, upper)
-    if inside:
-        return QpSolution(x, residual < RESIDUAL_TOLERANCE, residual, 0, 0.5 * float(gradient @ x))
-    # the sum of finite numbers of the sizes that occur is finite
-    if not math.isfinite(float(hessian.sum() + gradient.sum())):
-        return QpSolution(np.zeros_like(gradient), False, math.inf, 0, math.nan)
-    return None
+class _Solver(ABC):
+    """What is the same whoever searches: the attempt to do without, and the refusal of data that are not finite."""
+
+    def __init__(self) -> None:
+        # what is compiled or loaded at first use is there before it counts
+        self.solve(np.eye(1), -np.ones(1), np.zeros((1, 1)), np.zeros(2), np.array([0.5, 1.0]))
+
+    def solve(self, hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array) -> QpSolution:
+        """Solve; see `QpSolver`."""
+        inside, x, residual = interior_solution(hessian, gradient, constraints, lower, upper)
+        if inside:
+            return QpSolution(x, residual < RESIDUAL_TOLERANCE, residual, 0, 0.5 * float(gradient @ x))
+        return self.search(hessian, gradient, constraints, lower, upper)
+
+    def search(self, hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array) -> QpSolution:
+        """Solve by the solver; see `QpSolver`."""
+        # the sum of finite numbers of the sizes that occur is finite
+        if not math.isfinite(float(hessian.sum() + gradient.sum())):
+            return QpSolution(np.zeros_like(gradient), False, math.inf, 0, math.nan)
+        return self._search(hessian, gradient, constraints, lower, upper)
+
+    @abstractmethod
+    def _search(self, hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array) -> QpSolution:
+        """Solve a problem of finite numbers."""
 
 
-class Daqp:
+class Daqp(_Solver):
     """Dual active-set solver; does not hold the GIL and is reproducible to the bit."""
 
     def __init__(self, iteration_limit: int = 500) -> None:
         self._iteration_limit = iteration_limit
+        super().__init__()
 
-    def solve(
-        self,
-        hessian: Array,
-        gradient: Array,
-        constraints: Array,
-        lower: Array,
-        upper: Array,
-    ) -> QpSolution:
-        """Solve; see `QpSolver`."""
-        settled = settled_without_solver(hessian, gradient, constraints, lower, upper)
-        if settled is not None:
-            return settled
+    def _search(self, hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array) -> QpSolution:
         x, cost, flag, info = daqp.solve(
             hessian,
             gradient,
@@ -175,26 +186,16 @@ def _proxsuite_baseline() -> Any:
     return module
 
 
-class Proxqp:
+class Proxqp(_Solver):
     """proxsuite's augmented-Lagrangian solver, in its baseline build, whose results do not depend on heap addresses."""
 
     def __init__(self, iteration_limit: int = 200, accuracy: float = 1e-9) -> None:
         self._module = _proxsuite_baseline()
         self._iteration_limit, self._accuracy = iteration_limit, accuracy
+        super().__init__()
 
-    def solve(
-        self,
-        hessian: Array,
-        gradient: Array,
-        constraints: Array,
-        lower: Array,
-        upper: Array,
-    ) -> QpSolution:
-        """Solve; see `QpSolver`."""
+    def _search(self, hessian: Array, gradient: Array, constraints: Array, lower: Array, upper: Array) -> QpSolution:
         variables = gradient.shape[0]
-        settled = settled_without_solver(hessian, gradient, constraints, lower, upper)
-        if settled is not None:
-            return settled
         rows = np.vstack((np.eye(variables), constraints))
         scale = GRADIENT_SCALE / max(float(np.abs(gradient).max()), _TINY)
         dense = self._module.proxqp.dense

@@ -107,7 +107,7 @@ def test_a_plan_that_fits_is_left_alone():
 class Failing:
     """A solver that never succeeds."""
 
-    def solve(self, hessian, gradient, constraints, lower, upper, guess=None):
+    def search(self, hessian, gradient, constraints, lower, upper):
         return QpSolution(np.full_like(gradient, np.nan), False, float("inf"), 0, float("nan"))
 
 
