@@ -94,13 +94,24 @@ class LiveProcesses:
         simulator = self.processes.start("sim", [sys.executable, "-m", "sim_bridge.process"], piped=True)
         assert simulator.stdin is not None
         assert simulator.stdout is not None
-        simulator.stdin.write(msgspec.json.encode(self._task) + b"\n")
-        simulator.stdin.flush()
-        self._lines = simulator.stdout
+        self._orders, self._lines = simulator.stdin, simulator.stdout
+        self.order(self._task)
         for answer in self.answers():
             if "ready" in answer:
                 self.refused = answer["refused"]
                 break
+
+    def order(self, order: msgspec.Struct) -> None:
+        """Tell the simulator something.
+
+        Raises:
+            ProcessError: if it is gone.
+        """
+        try:
+            self._orders.write(msgspec.json.encode(order) + b"\n")
+            self._orders.flush()
+        except BrokenPipeError:
+            raise ProcessError("the simulator takes no more orders") from None
 
     def answers(self) -> Iterator[dict[str, Any]]:
         """What the simulator says, until it has said how the run went.

@@ -34,19 +34,30 @@ def sources_of(
     path: InputPort,
     config: Uslgo1Config,
     ros: RosOutlet,
+    operator_ros: RosOutlet,
     directory: Path,
 ) -> list[Source]:
-    """Every sensor, and what the operator asks for."""
+    """Every sensor, and what the operator asks for.
+
+    Args:
+        world: whose sensors they are.
+        operator: port of the operator's events.
+        path: port of the path.
+        config: of the robot.
+        ros: by which the sensors speak.
+        operator_ros: by which the operator speaks; it may be the same.
+        directory: the runtime directory.
+    """
     records = {record.topic: record.like() for loop in assemble(config).loops for record in loop.port_inputs}
-    spoken: dict[str, InputPort] = {
-        topics.IMU: world.imu,
-        topics.LOCALIZATION: world.localization,
-        topics.BATTERY: world.battery,
-        topics.OPERATOR_EVENT: operator,
-        topics.PATH: path,
+    spoken: dict[str, tuple[InputPort, RosOutlet]] = {
+        topics.IMU: (world.imu, ros),
+        topics.LOCALIZATION: (world.localization, ros),
+        topics.BATTERY: (world.battery, ros),
+        topics.OPERATOR_EVENT: (operator, operator_ros),
+        topics.PATH: (path, operator_ros),
     }
     truth = records[topics.TRUTH]
     return [
-        *((records[topic], port, ros) for topic, port in spoken.items()),
+        *((records[topic], port, outlet) for topic, (port, outlet) in spoken.items()),
         (truth, world, SharedOutlet(directory, truth)),
     ]

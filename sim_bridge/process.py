@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from drivers.device_end import open_device_end
+from drivers.device_end import DeviceEnd, open_device_end
 from runtime.executors.companions import SIM, CompanionTicks
 from runtime.executors.linux import lock_memory, run_first
 from runtime.executors.loop_run import InputPort
@@ -34,6 +34,9 @@ from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.signals import Mode
 from sim_bridge.courses import Scenario
 from sim_bridge.endurance import WATCHED, EnduranceObserver, EnduringOperator, EnduringPath
+from sim_bridge.faults.injector import Injector, Tap
+from sim_bridge.faults.live_buses import LiveBuses
+from sim_bridge.faults.live_table import LIVE_ROWS
 from sim_bridge.live_world import LiveWorld
 from sim_bridge.observer import SAMPLE_NS, Observer
 from sim_bridge.outlets import sources_of
@@ -54,6 +57,8 @@ class Task(msgspec.Struct):
         directory: runtime directory, shared with the other processes.
         until_s: ends the run by then, world time.
         duration_s: walk lap after lap for so long instead of once.
+        injects: orders of faults follow on standard input; the buses are then hubs.
+        operator_at: endpoint of zenoh at which the operator's messages leave, if by a way of their own.
     """
 
     config: str
@@ -62,6 +67,8 @@ class Task(msgspec.Struct):
     directory: str
     until_s: float | None = None
     duration_s: float | None = None
+    injects: bool = False
+    operator_at: str = ""
 
 
 def _answer(**entries: object) -> None:
@@ -99,6 +106,11 @@ def _report_mode(done_s: float, expected_s: float, mode: Mode) -> None:
     _answer(progress=(done_s, expected_s), mode=mode.name)
 
 
+def _device_end(task: Task, config: Uslgo1Config) -> DeviceEnd:
+    drives = config.drives
+    return LiveBuses(drives.channels) if task.injects else open_device_end(drives.interface, drives.channels)
+
+
 def simulate(task: Task) -> dict[str, Any]:
     """Run a scenario and say what came of it."""
     config = load_configuration(task.config)
@@ -113,23 +125,36 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
     signal.signal(signal.SIGTERM, lambda *_: stop.append(True))
     refused = [sentence for sentence in (run_first(SIM.priority), lock_memory()) if sentence]
     with ExitStack() as stack:
-        wires = stack.enter_context(closing(open_device_end(config.drives.interface, config.drives.channels)))
+        wires = stack.enter_context(closing(_device_end(task, config)))
         listener = stack.enter_context(closing(TickListener(directory / OBSERVER_SOCKET)))
         ros = stack.enter_context(RosOutlet(config.link))
+        operator_ros = ros
+        if task.operator_at:
+            way = msgspec.structs.replace(config.link, listen=(task.operator_at,))
+            operator_ros = stack.enter_context(RosOutlet(way, "ugv_operator"))
         stack.callback(remove_if_orphaned, directory)
         stack.callback(remove_orphaned_links)
         world = world_of(config, course, course.terrain(task.seed), wires, task.seed)
         mirror = TickMirror(loops, WATCHED, listener)
         part = _part(task, config, course, world, mirror.records)
+        sources = sources_of(world, part.operator, part.path, config, ros, operator_ros, directory)
+        inputs = {record.topic: port for record, port, _ in sources}
+        injector = None
+        if isinstance(wires, LiveBuses):
+            faults = {row.name: row.inject for row in LIVE_ROWS if row.inject is not None}
+            injector = Injector(config, world, wires, inputs, mirror, faults, directory, _answer, sys.stdin.fileno())
+            sources = [(record, Tap(inputs, record.topic), outlet) for record, _, outlet in sources]
         live = LiveWorld(
             world,
             wires,
             config.simulation.time_step_ns,
-            sources_of(world, part.operator, part.path, config, ros, directory),
+            sources,
             partial(CompanionTicks, (*loops, link), SIM, TickStream(directory / RECORDER_SOCKET)),
         )
 
         def over(now_ns: int) -> bool:
+            if injector is not None:
+                injector.step(now_ns)
             if now_ns % SAMPLE_NS:
                 return False
             mirror.update()

@@ -27,6 +27,7 @@ from runtime.signals import Battery, Imu, Motion, OperatorEvent, Path, Pose, Req
 
 Message = tuple[str, bytes]
 """Topic and payload."""
+CLOCK_STEP_NS = 5_000_000
 
 
 class RosOutlet:
@@ -34,13 +35,14 @@ class RosOutlet:
 
     Args:
         config: of the link that listens.
+        node: its name.
 
     Raises:
         SessionError: if the link is not there.
     """
 
-    def __init__(self, config: LinkConfig) -> None:
-        self._session = RosSession("ugv_sim", config.domain_id, session_config((), config.listen), config.type_hashes)
+    def __init__(self, config: LinkConfig, node: str = "ugv_sim") -> None:
+        self._session = RosSession(node, config.domain_id, session_config((), config.listen), config.type_hashes)
         self._publishers = {topic: self._publisher(topic, name) for topic, name in _TYPES.items()}
         imu, pose, battery = ImuMessage(config.imu_frame), PoseStampedMessage(config.odom_frame), BatteryMessage()
         self._path = PathMessage(config.odom_frame)
@@ -51,7 +53,7 @@ class RosOutlet:
             Path: self._path_messages,
             OperatorEvent: lambda record: (operator_message(record),),
         }
-        self._unix_offset_ns = time.time_ns() - time.monotonic_ns()
+        self._unix_offset_ns = 0
         self._waiting: SimpleQueue[Message | None] = SimpleQueue()
         self._sender = threading.Thread(target=self._send, name="ros")
         self._sender.start()
@@ -61,9 +63,16 @@ class RosOutlet:
 
     def publish(self, record: Record, start_ns: int) -> None:
         """Send a record, stamped in unix time."""
-        record.stamp_ns += start_ns + self._unix_offset_ns  # type: ignore[attr-defined]
+        record.stamp_ns += start_ns + self._unix_offset()  # type: ignore[attr-defined]
         for message in self._encoders[type(record)](record):
             self._waiting.put(message)
+
+    def _unix_offset(self) -> int:
+        """From the monotonic to the unix clock, which may be set at any time; the reading's own noise is left out."""
+        offset_ns = time.time_ns() - time.monotonic_ns()
+        if abs(offset_ns - self._unix_offset_ns) > CLOCK_STEP_NS:
+            self._unix_offset_ns = offset_ns
+        return self._unix_offset_ns
 
     def _path_messages(self, path: Path) -> Sequence[Message]:
         """The speed, then the path, whose first point closes it again."""

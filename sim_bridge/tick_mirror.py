@@ -21,10 +21,11 @@ class TickMirror:
 
     Attributes:
         records: the copies, by topic.
+        taken: ticks so far.
     """
 
     def __init__(self, loops: Sequence[Loop], topics: Collection[str], listener: TickListener) -> None:
-        self._listener = listener
+        self._listener, self.taken = listener, 0
         wanted = [channel for channel in manifest_of(tuple(loops)).channels if channel.record.topic in topics]
         self._of_number: dict[int, Record] = {channel.number: channel.record for channel in wanted}
         self.records = {channel.record.topic: channel.record for channel in wanted}
@@ -32,6 +33,7 @@ class TickMirror:
     def update(self) -> None:
         """Take up every tick that has come."""
         while (datagram := self._listener.receive(0.0)) is not None:
+            self.taken += 1
             for number, body in entries(datagram):
                 record = self._of_number.get(number)
                 if record is not None:

@@ -32,6 +32,7 @@ from sim_bridge.drive_model import DriveModel, Encoders, Windings, available_tor
 
 _POSITION, _VELOCITY, _EFFORT, _STIFFNESS, _DAMPING = range(5)
 """Rows of commands."""
+NO_EFFORT_NM = 0.1
 _NEVER_NS = int(np.iinfo(np.int64).max)
 
 Answer = tuple[Frames, npt.NDArray[np.uint8], npt.NDArray[np.int64]]
@@ -230,6 +231,12 @@ class VirtualDrives:
         if code:
             self._fault[joint] = code
         self._refresh(self._windings.updated_ns)
+
+    @property
+    def driven(self) -> bool:
+        """Whether any drive has more in force than damping; a torque of zero has no code of its own on the wire."""
+        in_force = self._in_force
+        return bool(in_force[_STIFFNESS].any() or (np.abs(in_force[_EFFORT]) > NO_EFFORT_NM).any())
 
     @property
     def temperature(self) -> FloatArray:

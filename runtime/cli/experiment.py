@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
@@ -35,6 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     parser.add_argument("name", metavar="NAME", help="paper-000 or faults")
     parser.add_argument("--seeds", type=positive, metavar="N", help="runs of each comparison (10), or fault (3)")
+    parser.add_argument("--realtime", action="store_true", help="faults: against the wall clock, processes included")
+    parser.add_argument("--only", metavar="TEXT", default="", help="faults with --realtime: those so named")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="faults with --realtime: keeps the logs")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -42,8 +46,10 @@ def run(options: argparse.Namespace) -> int:
     if options.name not in EXPERIMENTS:
         raise UsageError("ugv experiment: " + unknown("experiment", options.name, EXPERIMENTS))
     if options.name == "faults":
-        from runtime.cli.experiment_faults import run_faults
+        from runtime.cli.experiment_faults import run_faults, run_live_faults
 
+        if options.realtime:
+            return run_live_faults(options.seeds or 1, options.only, options.out)
         return run_faults(options.seeds or 3)
     return compare_controllers(options.seeds or 10)
 

@@ -7,8 +7,15 @@ import concurrent.futures
 import multiprocessing
 import os
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from runtime.errors import UsageError, unknown
+
+if TYPE_CHECKING:
+    from sim_bridge.faults.live_campaign import Campaign
+
+LIVE_HEADER = ("fault", "answer expected", "seen", "within ms", "took ms", "joints", "spoiled by stalls", "verdict")
 HEADER = ("fault", "answer expected", "seen", "within ms", "took ms", "joints", "verdict")
 
 
@@ -76,6 +83,60 @@ def run_faults(phases: int) -> int:
         for flaw in outcome.flaws:
             print(f"{outcome.name}, {flaw}")
     return 1 if any(outcome.flaws for outcome in outcomes) else 0
+
+
+def run_live_faults(phases: int, only: str, out: Path | None) -> int:
+    """Try the faults in real time and print the table; 1 if anything is not as it is to be, or was not shown."""
+    import tempfile
+
+    from runtime.cli.console import print_table, progress_bar
+    from sim_bridge.faults.live_campaign import campaign
+    from sim_bridge.faults.live_table import LIVE_ROWS
+
+    rows = [row for row in LIVE_ROWS if only in row.name]
+    if not rows:
+        raise UsageError("ugv experiment: " + unknown("fault", only, [row.name for row in LIVE_ROWS]))
+    tried: list[str] = []
+    with tempfile.TemporaryDirectory(prefix="ugv-faults-") as passing, progress_bar("faults") as progress:
+
+        def told(what: str) -> None:
+            tried.append(what)
+            progress(len(tried), max(len(rows) * phases, len(tried) + 1))
+
+        done = campaign(rows, phases, 0, out or Path(passing), told)
+    title = f"Faults in real time, each at {phases} random phase{'' if phases == 1 else 's'} of the trot"
+    print_table(title, LIVE_HEADER, [_live_row(row.name, done) for row in rows])
+    wrong = 0
+    for row in rows:
+        for verdict in done.verdicts[row.name]:
+            wrong += bool(verdict.flaws) and not verdict.shows_nothing
+            for flaw in verdict.flaws:
+                print(f"{row.name}: {flaw}" + (f" (a stall of {verdict.stall_ms:.0f} ms)" if verdict.stall_ms else ""))
+        wrong += not done.shown(row.name) and row.name not in done.untried
+    for name, reason in done.untried.items():
+        print(f"{name}: not tried, {reason}")
+    for flaw in done.flaws:
+        print(flaw)
+    return 1 if wrong or done.flaws else 0
+
+
+def _live_row(name: str, done: Campaign) -> tuple[Any, ...]:
+    """A row of the table: the first trial that differs, or else the one that took longest."""
+    trials, shown = done.verdicts[name], done.shown(name)
+    if not trials:
+        return (name, None, None, None, None, None, 0, "not tried")
+    chosen = max(shown or trials, key=lambda verdict: (bool(verdict.flaws), verdict.time_ms))
+    judgement = "as expected" if not chosen.flaws else "DIFFERS" if shown else "NOT SHOWN"
+    return (
+        name,
+        ", ".join(chosen.expected),
+        ", ".join(chosen.answer),
+        round(chosen.bound_ms),
+        round(chosen.time_ms),
+        "kept" if chosen.joints_kept else "PASSED",
+        sum(verdict.shows_nothing for verdict in trials),
+        judgement,
+    )
 
 
 def _row(outcome: Outcome) -> tuple[Any, ...]:

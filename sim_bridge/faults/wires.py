@@ -5,11 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
-from drivers.memory_bus import End, MemoryBus
+from drivers.can_frame import Frames
+from drivers.memory_bus import End, Tamper
 from runtime.executors.loop_run import InputPort
 from runtime.records import Record
 from runtime.robots.uslgo1.config import Uslgo1Config
@@ -17,6 +19,25 @@ from runtime.tasks import Task
 from sim_bridge.quadruped_world import QuadrupedWorld
 
 FOREVER_NS = 1 << 62
+
+
+class Buses(Protocol):
+    """Buses whose frames and links can be tampered with; a `MemoryBus` is such, and so are `LiveBuses`.
+
+    Attributes:
+        tamper: alters or destroys frames on their way; None leaves them alone.
+    """
+
+    tamper: Tamper | None
+
+    def send(self, end: End, bus: npt.NDArray[np.uint8], frames: Frames, at_ns: int | npt.NDArray[np.int64]) -> None:
+        """Give frames (n,) to the buses (n,)."""
+
+    def take_down(self, bus: int) -> None:
+        """Let a link be lost."""
+
+    def bring_up(self, bus: int) -> None:
+        """Let it return."""
 
 
 @dataclass
@@ -34,7 +55,7 @@ class Wires:
     """
 
     config: Uslgo1Config
-    bus: MemoryBus
+    bus: Buses
     world: QuadrupedWorld
     inputs: dict[str, InputPort]
     tasks: dict[str, Task]

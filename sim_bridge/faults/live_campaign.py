@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The faults in real time, each until a trial shows something: what a stall of the machine spoils is tried again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from runtime.robots import load_configuration
+from sim_bridge.faults.live_judge import STALL_NS, Verdict, judged, moved_unarmed
+from sim_bridge.faults.live_logs import LiveLogs
+from sim_bridge.faults.live_session import ROBOT, disk, play
+from sim_bridge.faults.live_table import LiveRow
+
+TRIES = 5
+
+
+class Campaign(NamedTuple):
+    """What came of it.
+
+    Attributes:
+        verdicts: by row, of every trial, also of those that show nothing.
+        untried: names of rows that could not be tried, with the reason.
+        flaws: of whole logs.
+    """
+
+    verdicts: dict[str, list[Verdict]]
+    untried: dict[str, str]
+    flaws: list[str]
+
+    def shown(self, name: str) -> list[Verdict]:
+        """Trials of a row that show something."""
+        return [verdict for verdict in self.verdicts[name] if not verdict.shows_nothing]
+
+
+def campaign(rows: Sequence[LiveRow], phases: int, seed: int, out: Path, told: Callable[[str], None]) -> Campaign:
+    """Try every fault at some phases of the gait.
+
+    Args:
+        rows: the faults.
+        phases: trials of each that show something.
+        seed: of the phases, and of what the faults leave to chance.
+        out: directory in which each robot's logs have one of their own.
+        told: told each trial as it is done.
+    """
+    done = Campaign({row.name: [] for row in rows}, {}, [])
+    for session in range(phases * TRIES):
+        left = [row for row in rows if row.name not in done.untried and len(done.shown(row.name)) < phases]
+        if not left:
+            break
+        logs = out / f"robot-{session}"
+        logs.mkdir(parents=True)
+        with disk(logs) as has_disk:
+            _session(left, seed + session, logs, has_disk, told, done)
+    return done
+
+
+def _session(
+    rows: Sequence[LiveRow], seed: int, logs: Path, has_disk: bool, told: Callable[[str], None], done: Campaign
+) -> None:
+    if not has_disk:
+        done.untried.update((row.name, "no disk of its own may be mounted here") for row in rows if row.needs_disk)
+    possible = [row for row in rows if has_disk or not row.needs_disk]
+    episodes = play(possible, seed, logs, has_disk, told)
+    config = load_configuration(ROBOT)
+    read = LiveLogs(logs, {row.counted[0] for row in possible if row.counted is not None}, STALL_NS)
+    for episode in episodes:
+        done.verdicts[episode.row.name].append(judged(episode, read, config))
+    done.flaws.extend(moved_unarmed(read))

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a robot did about a fault in real time, from its log and from what its drives saw, and whether that is right.
+
+A machine that stalls makes faults of its own. What a trial lacks is held against the robot only if no stall beyond the
+bounds of the inputs is in its ticks at that time; else the trial shows nothing, and is to be repeated.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from runtime.recording.log import Signal
+from runtime.robots import topics
+from runtime.robots.uslgo1.config import Uslgo1Config
+from runtime.signals import Fault, Mode
+from sim_bridge.faults.live_logs import LiveLogs
+from sim_bridge.faults.live_session import Episode, Frames
+from sim_bridge.faults.live_table import LiveRow
+from sim_bridge.faults.wires import FOREVER_NS
+
+STALL_NS = 5_000_000
+"""Shorter stalls are within the bounds of every input."""
+LOST_MAX_NS = 20_000_000
+"""Of the log, up to a fault."""
+WHOLE_NS = 400_000_000
+"""For how long before a fault the log is looked at; the robot has walked for longer."""
+COMES_WITHIN_NS = 10_000_000
+"""A command that drives hold is replaced by then, if any comes."""
+RETURNED_NS = 300_000_000
+"""Before the end of a trial, by when ticks must be recorded again."""
+_POWERED = (Mode.STANDING, Mode.ACTIVE)
+
+
+class Verdict(NamedTuple):
+    """One trial, judged.
+
+    Attributes:
+        name, expected: of the row.
+        answer: what the robot did, in order.
+        bound_ms, time_ms: how soon the last of it was due, and when it came.
+        joints_kept: whether no joint passed its limits before the drives let go.
+        flaws: what is not as it is to be.
+        stall_ms: the longest stall of the machine meanwhile, 0 without one.
+    """
+
+    name: str
+    expected: tuple[str, ...]
+    answer: tuple[str, ...]
+    bound_ms: float
+    time_ms: float
+    joints_kept: bool
+    flaws: tuple[str, ...]
+    stall_ms: float
+
+    @property
+    def shows_nothing(self) -> bool:
+        """Whether the machine stalled, and that may be why it is not as it is to be."""
+        return bool(self.flaws) and self.stall_ms > 0.0
+
+
+def judged(episode: Episode, logs: LiveLogs, config: Uslgo1Config) -> Verdict:
+    """Judge one trial."""
+    row, at_ns, until_ns = episode.row, episode.at_ns, episode.until_ns
+    stalls = logs.stalls_between(at_ns - WHOLE_NS, until_ns, row.holds_up)
+    times = _answers(episode, logs)
+    lasting = [time_ns for answer, time_ns in times.items() if answer != "go on"]
+    took_ns = max(lasting, default=at_ns) - at_ns
+    bound_ns = row.bound_ns(config)
+    answer = tuple(times) or ("walk on",)
+    flaws = [
+        *_wrong_answer(row, answer, took_ns, bound_ns + sum(stall.length_ns for stall in stalls)),
+        *_not_told(episode, logs),
+        *_abused(episode, logs, times, config),
+        *_missing_log(episode, logs),
+    ]
+    oldest_ns = oldest_command_ns(episode.frames, logs.between(topics.CAN_SENT, at_ns - WHOLE_NS, until_ns))
+    if oldest_ns > config.drives.command_age_max_ns + COMES_WITHIN_NS and "sim" not in row.holds_up:
+        flaws.append(f"a command of {oldest_ns * 1e-6:.1f} ms reached a drive")
+    return Verdict(
+        row.name,
+        row.answer,
+        answer,
+        bound_ns * 1e-6,
+        took_ns * 1e-6,
+        episode.joints_kept,
+        tuple(flaws),
+        max((stall.length_ns for stall in stalls), default=0) * 1e-6,
+    )
+
+
+def _answers(episode: Episode, logs: LiveLogs) -> dict[str, int]:
+    """When the robot came to each of its answers, in order."""
+    status = logs.between(topics.SAFETY, episode.at_ns, episode.until_ns).values
+    gait = logs.between(topics.GAIT, episode.at_ns, episode.until_ns)
+    walking = _as_of(status["stamp_ns"], gait.values["stamp_ns"], gait.values["walking"].astype(bool))
+    mode = status["mode"]
+    powered = np.isin(mode, _POWERED)
+    stood = np.logical_or.accumulate(powered & ~walking)
+    signs = {
+        "derate": status["derated"].astype(bool),
+        "stand": powered & ~walking,
+        "go on": powered & walking & stood,
+        "crouch": mode == Mode.CROUCHING,
+        "damp": mode == Mode.DAMPED,
+    }
+    firsts = {answer: int(status["stamp_ns"][there.argmax()]) for answer, there in signs.items() if there.any()}
+    if "damp" not in firsts and episode.released_ns is not None:
+        firsts["damp"] = episode.released_ns
+    end_ns = firsts.get("damp", episode.until_ns)
+    return dict(sorted(((a, t) for a, t in firsts.items() if t <= end_ns), key=lambda first: first[1]))
+
+
+def _as_of(
+    wanted_ns: npt.NDArray[np.int64], stamps_ns: npt.NDArray[np.int64], values: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.bool_]:
+    """Values at the last of their stamps before each time."""
+    if not len(values):
+        return np.ones(len(wanted_ns), np.bool_)
+    rows = np.searchsorted(stamps_ns, wanted_ns, side="right") - 1
+    return values[np.maximum(rows, 0)]
+
+
+def _wrong_answer(row: LiveRow, answer: tuple[str, ...], took_ns: int, bound_ns: int) -> list[str]:
+    found = []
+    if tuple(one for one in answer if one not in row.before) != row.answer:
+        found.append(f"answer is {', '.join(answer)}")
+    if took_ns > bound_ns:
+        found.append(f"took {took_ns * 1e-6:.0f} ms of {bound_ns * 1e-6:.0f} ms, stalls included")
+    return found
+
+
+def _not_told(episode: Episode, logs: LiveLogs) -> list[str]:
+    """Faults that were not named, and counts that did not grow."""
+    row, found = episode.row, []
+    status = logs.between(topics.SAFETY, episode.at_ns, episode.until_ns).values
+    bits = status["warning"] | status["fault"] | status["halt"]
+    missing = row.fault & ~Fault(int(np.bitwise_or.reduce(bits, initial=0)))
+    if missing:
+        found.append(f"{missing.name} was not named")
+    if row.counted is not None:
+        topic, name = row.counted
+        before = _total(logs.between(topic, 0, episode.at_ns).values[name][-1:])
+        after = _total(logs.between(topic, episode.at_ns, episode.until_ns).values[name][-1:])
+        if after <= before:
+            found.append(f"{name} did not grow")
+    if row.recorder is not None and (episode.recorder is None or not row.recorder(episode.recorder)):
+        found.append("the recorder did not say what is wrong")
+    return found
+
+
+def _total(values: npt.NDArray[Any]) -> int:
+    return int(values.sum())
+
+
+def _abused(episode: Episode, logs: LiveLogs, times: dict[str, int], config: Uslgo1Config) -> list[str]:
+    """Joints and torques beyond their limits, falls, and drives that did not let go."""
+    found = []
+    if not episode.joints_kept:
+        found.append("a joint passed its limits")
+    if episode.fell:
+        found.append("it fell before it was damped")
+    commands = logs.between(topics.JOINT_COMMAND_SAFE, episode.at_ns, episode.until_ns).values
+    if np.abs(commands["effort"]).max(initial=0.0) > config.safety.effort_max_nm:
+        found.append("a torque beyond its limit was commanded")
+    if "damp" in times and episode.released_ns is None:
+        found.append("the drives never let go")
+    return found
+
+
+def _missing_log(episode: Episode, logs: LiveLogs) -> list[str]:
+    """What the log lacks up to the fault, and whether it goes on after it."""
+    found, at_ns = [], episode.at_ns
+    ticks = logs.ticks(at_ns - WHOLE_NS, at_ns)
+    if not len(ticks):
+        return ["the log lacks the time before the fault"]
+    gaps = np.diff(ticks["index"]) - 1 - ticks["skipped"][1:]
+    if gaps.any():
+        found.append(f"{int(gaps.sum())} ticks before the fault are missing")
+    lost_ns = at_ns - int(ticks["now_ns"][-1])
+    if lost_ns > LOST_MAX_NS:
+        found.append(f"the log lacks the last {lost_ns * 1e-6:.1f} ms before the fault")
+    after = logs.ticks(at_ns, episode.until_ns)
+    if not episode.row.breaks_log and (np.diff(after["index"]) > 1 + after["skipped"][1:]).any():
+        found.append("ticks after the fault are missing")
+    if "wbc" not in episode.row.holds_up and not len(logs.ticks(episode.until_ns - RETURNED_NS, episode.until_ns)):
+        found.append("nothing is recorded any more")
+    return found
+
+
+def moved_unarmed(logs: LiveLogs) -> list[str]:
+    """Where in a log a robot that was not under power, or whose control had only started, was driven all the same."""
+    status, commands = logs.whole(topics.SAFETY).values, logs.whole(topics.JOINT_COMMAND_SAFE).values
+    idle = _as_of(commands["stamp_ns"], status["stamp_ns"], ~np.isin(status["mode"], (*_POWERED, Mode.CROUCHING)))
+    asked = commands["stiffness"].any(axis=1) | commands["effort"].any(axis=1) | commands["velocity"].any(axis=1)
+    stamps_ns = commands["stamp_ns"][idle & asked]
+    found = [f"a robot without power was driven at {stamp_ns * 1e-9:.3f} s" for stamp_ns in stamps_ns[:1]]
+    ticks = logs.ticks(0, FOREVER_NS)
+    for row in np.flatnonzero(ticks["index"] == 0):
+        mode = Mode(int(status["mode"][np.searchsorted(status["stamp_ns"], ticks["now_ns"][row])]))
+        if mode not in (Mode.OFF, Mode.STANDBY):
+            found.append(f"control began in {mode.name}")
+    return found
+
+
+def oldest_command_ns(frames: Frames, sent: Signal) -> int:
+    """Age of the oldest command that reached a drive, of those that are in the log.
+
+    A frame is known by its bytes; of several alike the newest counts, since they ask for the same.
+    """
+    stamps: dict[tuple[int, bytes], list[int]] = {}
+    for batch in sent.values:
+        count = int(batch["count"])
+        raw = batch["data"][: 16 * count].tobytes()
+        for place, bus in enumerate(batch["bus"][:count].tolist()):
+            stamps.setdefault((bus, raw[16 * place : 16 * place + 16]), []).append(int(batch["stamp_ns"]))
+    oldest_ns = 0
+    for arrival_ns, bus, raw in zip(frames.arrival_ns.tolist(), frames.bus.tolist(), frames.raw, strict=True):
+        known = [stamp for stamp in stamps.get((bus, raw.tobytes()), ()) if stamp <= arrival_ns]
+        if known:
+            oldest_ns = max(oldest_ns, arrival_ns - known[-1])
+    return oldest_ns

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One robot that walks in real time, and several faults one after the other, each after it has walked again."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import random
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from runtime.executors.processes import ProcessError
+from runtime.executors.runtime_directory import runtime_directory
+from runtime.recording.recorder_status import RecorderStatus, read_status
+from sim_bridge.faults.injector import FRAMES_FILE, Order
+from sim_bridge.faults.live_table import LiveRow
+from sim_bridge.faults.relay import Relay
+from sim_bridge.faults.stage import Stage
+from sim_bridge.live_answers import LiveAnswers
+from sim_bridge.live_processes import LiveProcesses, wired
+from sim_bridge.process import Task
+
+ROBOT, SCENARIO = "uslgo1", "circle-6cm"
+WALKS_WITHIN_S = 90.0
+TELLS_WITHIN_S = 20.0
+DISK_BYTES = 3 << 30
+_LIBC = ctypes.CDLL(None, use_errno=True)
+_MNT_DETACH = 2
+
+
+class Frames(NamedTuple):
+    """Commands as they arrived at the drives.
+
+    Attributes:
+        arrival_ns: (n,) on the monotonic clock.
+        bus: (n,).
+        raw: (n, 16).
+    """
+
+    arrival_ns: Any
+    bus: Any
+    raw: Any
+
+
+class Episode(NamedTuple):
+    """What one fault left behind beside the log.
+
+    Attributes:
+        row: the fault.
+        at_ns, mended_ns, until_ns: when it struck, when it was put right, and until when it was watched; monotonic.
+        released_ns: when the drives had no more than damping in force, None if that never was.
+        joints_kept, fell: of the robot until then.
+        frames: that the drives received.
+        recorder: what the recorder said of itself at the end of the fault.
+    """
+
+    row: LiveRow
+    at_ns: int
+    mended_ns: int
+    until_ns: int
+    released_ns: int | None
+    joints_kept: bool
+    fell: bool
+    frames: Frames
+    recorder: RecorderStatus | None
+
+
+def play(rows: Sequence[LiveRow], seed: int, logs: Path, has_disk: bool, told: Callable[[str], None]) -> list[Episode]:
+    """Try faults in turn on one robot; gives those that could be tried.
+
+    Args:
+        rows: the faults.
+        seed: of the phases of the gait, and of what the faults leave to chance.
+        logs: directory for the bags.
+        has_disk: whether that is a disk of its own.
+        told: told the name of each fault that was tried, and why the rest was not.
+
+    Raises:
+        ProcessError: if a process ends that is not to.
+    """
+    episodes: list[Episode] = []
+    with runtime_directory() as directory:
+        config = wired(ROBOT, {}, directory)
+        port = int(config.link.listen[0].rpartition(":")[2])
+        with Relay(port) as relay:
+            task = Task("", SCENARIO, seed, str(directory), duration_s=1e6, injects=True)
+            task.operator_at = f"tcp/127.0.0.1:{relay.port}"
+            with LiveProcesses(config, task, logs) as live:
+                answers = LiveAnswers(live.answers())
+                stage = Stage(config, live, relay, logs, has_disk, random.Random(seed))
+                for row in rows:
+                    struck = len(answers.struck)
+                    live.order(Order(row.name, seed, row.lasts_ns))
+                    if not answers.wait(partial(_grown, answers.struck, struck), WALKS_WITHIN_S):
+                        told(f"{row.name}: {answers.ended or f'the robot did not walk within {WALKS_WITHIN_S:g} s'}")
+                        break
+                    episodes.append(_episode(row, stage, answers, directory))
+                    told(row.name)
+                live.stop()
+    return episodes
+
+
+def _episode(row: LiveRow, stage: Stage, answers: LiveAnswers, directory: Path) -> Episode:
+    at_ns = answers.struck[-1][1]
+    if row.act is not None:
+        at_ns = time.monotonic_ns()
+        row.act(stage)
+    answers.rest(row.watched_ns(stage.config) * 1e-9)
+    status, mended_ns = read_status(directory), time.monotonic_ns()
+    if row.mend is not None:
+        row.mend(stage)
+    answers.rest(row.after_ns * 1e-9)
+    count = len(answers.seen)
+    stage.live.order(Order(None))
+    if not answers.wait(partial(_grown, answers.seen, count), TELLS_WITHIN_S):
+        raise ProcessError(f"{row.name}: the simulator does not say what it saw")
+    seen = answers.seen[-1]
+    with np.load(directory / FRAMES_FILE) as kept:
+        frames = Frames(kept["arrival_ns"], kept["bus"], kept["raw"].reshape(-1, 16))
+    return Episode(row, at_ns, mended_ns, time.monotonic_ns(), frames=frames, recorder=status, **seen)
+
+
+def _grown(told: Sequence[Any], before: int) -> bool:
+    return len(told) > before
+
+
+@contextmanager
+def disk(directory: Path) -> Iterator[bool]:
+    """Let a directory be a disk of its own, in memory; gives whether that was allowed."""
+    mounted = _LIBC.mount(b"ugv-faults", os.fsencode(directory), b"tmpfs", 0, f"size={DISK_BYTES}".encode()) == 0
+    try:
+        yield mounted
+    finally:
+        if mounted:
+            _LIBC.umount2(os.fsencode(directory), _MNT_DETACH)

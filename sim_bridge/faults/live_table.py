@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The faults that are tried in real time, on the wires and beside them, with their answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from runtime.link.loop import STATUS
+from runtime.recording.recorder_status import RecorderStatus
+from runtime.robots import topics
+from runtime.robots.uslgo1.config import Uslgo1Config
+from runtime.signals import Fault
+from sim_bridge.faults import stage
+from sim_bridge.faults.stage import Act, continued, killed, started_again, stopped
+from sim_bridge.faults.table import (
+    CROUCH,
+    DAMP,
+    MS,
+    PAUSE,
+    ROWS,
+    WALK_ON,
+    Bound,
+    at_once,
+    crouched,
+    imu_stale,
+    lease_over,
+    stood,
+)
+from sim_bridge.faults.wires import FOREVER_NS, Inject, Wires
+
+CARRIED_NS = 30 * MS
+"""What the way through link and simulator may take, each with a period of 10 ms, beside the bound of virtual time."""
+LINGER_NS = 500 * MS
+"""How long to go on watching after the last answer is due."""
+EVERYONE = stage.EVERYONE
+REJECTED_MESSAGES = (STATUS, "rejected")
+
+
+@dataclass(frozen=True)
+class LiveRow:
+    """A fault in real time, and its answer.
+
+    Attributes:
+        name: for people.
+        answer: what the robot is to do, in order; see `Row`.
+        bound_ns: how soon, of the configuration.
+        inject: breaks the wires, in the simulator;
+        act, mend: or something beside them, and puts it right again.
+        lasts_ns: how long the fault is there; what is there for good ends when its answer was seen.
+        after_ns: how long to go on watching then.
+        fault: bits by which it is to be named.
+        counted: topic and field of what is to be counted.
+        before: answers that may come before.
+        holds_up: loops that the fault itself holds up.
+        recorder: what the recorder says of itself while the fault is there.
+        needs_disk: whether it needs a disk of its own for the logs.
+        breaks_log: whether ticks are missing while it is there.
+    """
+
+    name: str
+    answer: tuple[str, ...]
+    bound_ns: Bound = at_once
+    inject: Inject | None = None
+    act: Act | None = None
+    mend: Act | None = None
+    lasts_ns: int = FOREVER_NS
+    after_ns: int = LINGER_NS
+    fault: Fault = Fault.NONE
+    counted: tuple[str, str] | None = None
+    before: tuple[str, ...] = ()
+    holds_up: tuple[str, ...] = ()
+    recorder: Callable[[RecorderStatus], bool] | None = None
+    needs_disk: bool = False
+    breaks_log: bool = False
+
+    def watched_ns(self, config: Uslgo1Config) -> int:
+        """How long the fault is there."""
+        return self.lasts_ns if self.lasts_ns < FOREVER_NS else self.bound_ns(config) + LINGER_NS
+
+
+def carried(bound: Bound) -> Bound:
+    """What virtual time bounds, and the way there."""
+    return lambda config: bound(config) + CARRIED_NS
+
+
+def drives_let_go(config: Uslgo1Config) -> int:
+    """Until drives that hear nothing damp by themselves."""
+    return config.simulation.command_timeout_ns + config.simulation.time_step_ns + config.loops.wbc_period_ns
+
+
+def on_the_wires(name: str, **changes: Any) -> LiveRow:
+    """A row of virtual time, injected by the same definition."""
+    (row,) = (row for row in ROWS if row.name == name)
+    bound = row.bound_ns if row.bound_ns is at_once else carried(row.bound_ns)
+    after_ns = 2000 * MS if "go on" in row.answer else LINGER_NS
+    same: dict[str, Any] = {
+        "inject": row.inject,
+        "lasts_ns": row.lasts_ns,
+        "after_ns": after_ns,
+        "fault": row.fault,
+        "counted": row.counted,
+    }
+    return LiveRow(name, row.answer, bound, **{**same, **changes})
+
+
+def clock_ahead(wires: Wires, begin_ns: int, end_ns: int) -> None:
+    """The clock of the computer that reads the IMU is set a second ahead."""
+
+    def change(imu: Any, now_ns: int) -> bool:
+        if begin_ns <= now_ns < end_ns:
+            imu.stamp_ns += 1000 * MS
+        return True
+
+    wires.filter(topics.IMU, change)
+
+
+def _failed(status: RecorderStatus) -> bool:
+    return not status.recording and bool(status.error)
+
+
+LIVE_ROWS = (
+    on_the_wires("a reply missing"),
+    on_the_wires("replies missing"),
+    on_the_wires("bus down"),
+    on_the_wires("malformed frames"),
+    on_the_wires("under-voltage"),
+    on_the_wires("IMU silent"),
+    on_the_wires("IMU frozen"),
+    on_the_wires("IMU NaN", fault=Fault.STALE_IMU, counted=REJECTED_MESSAGES),
+    on_the_wires("IMU NaN once", lasts_ns=4 * MS, fault=Fault.NONE, counted=REJECTED_MESSAGES),
+    LiveRow(
+        "IMU's clock a second ahead",
+        CROUCH,
+        carried(crouched(imu_stale)),
+        clock_ahead,
+        fault=Fault.STALE_IMU,
+        counted=REJECTED_MESSAGES,
+    ),
+    on_the_wires("localisation silent"),
+    on_the_wires("localisation jumps"),
+    on_the_wires("operator silent"),
+    on_the_wires("lease released"),
+    on_the_wires("emergency stop"),
+    on_the_wires("malformed path", lasts_ns=300 * MS, counted=REJECTED_MESSAGES),
+    LiveRow(
+        "malformed messages",
+        WALK_ON,
+        act=stage.malformed_messages,
+        mend=stage.released,
+        lasts_ns=500 * MS,
+        counted=REJECTED_MESSAGES,
+    ),
+    LiveRow(
+        "operator partitioned",
+        PAUSE,
+        carried(stood(lease_over)),
+        act=stage.partitioned,
+        mend=stage.healed,
+        lasts_ns=3000 * MS,
+        after_ns=2500 * MS,
+        fault=Fault.NO_LEASE,
+    ),
+    LiveRow(
+        "subscribers flood",
+        WALK_ON,
+        act=stage.flooded_by_subscribers,
+        mend=stage.released,
+        lasts_ns=2000 * MS,
+    ),
+    LiveRow(
+        "link killed",
+        CROUCH,
+        carried(crouched(imu_stale)),
+        act=killed("link"),
+        mend=started_again("link"),
+        fault=Fault.STALE_IMU,
+        holds_up=("link",),
+    ),
+    LiveRow(
+        "link stopped",
+        CROUCH,
+        carried(crouched(imu_stale)),
+        act=stopped("link"),
+        mend=continued("link"),
+        fault=Fault.STALE_IMU,
+        holds_up=("link",),
+    ),
+    LiveRow(
+        "control killed",
+        DAMP,
+        drives_let_go,
+        act=killed("control"),
+        mend=started_again("control"),
+        holds_up=("wbc", "mpc"),
+    ),
+    LiveRow(
+        "control stopped, goes on",
+        DAMP,
+        drives_let_go,
+        act=stopped("control"),
+        mend=continued("control"),
+        holds_up=("wbc", "mpc"),
+        breaks_log=True,
+    ),
+    LiveRow(
+        "control hung, killed",
+        DAMP,
+        drives_let_go,
+        act=stopped("control"),
+        mend=started_again("control"),
+        holds_up=("wbc", "mpc"),
+    ),
+    LiveRow("recorder killed", WALK_ON, act=killed("recorder"), mend=started_again("recorder"), lasts_ns=300 * MS),
+    LiveRow(
+        "recorder stopped for 3 s",
+        WALK_ON,
+        act=stopped("recorder"),
+        mend=continued("recorder"),
+        lasts_ns=3000 * MS,
+        after_ns=1500 * MS,
+        breaks_log=True,
+    ),
+    LiveRow(
+        "disk full",
+        WALK_ON,
+        act=stage.disk_full,
+        mend=stage.disk_freed,
+        lasts_ns=3000 * MS,
+        after_ns=2500 * MS,
+        recorder=_failed,
+        needs_disk=True,
+        breaks_log=True,
+    ),
+    LiveRow(
+        "log directory gone",
+        WALK_ON,
+        act=stage.logs_gone,
+        mend=stage.logs_back,
+        lasts_ns=2000 * MS,
+        after_ns=2500 * MS,
+        breaks_log=True,
+    ),
+    LiveRow(
+        "suspended for 1 s",
+        DAMP,
+        lambda config: 1000 * MS + crouched(imu_stale)(config) + CARRIED_NS,
+        act=stopped(*EVERYONE),
+        mend=continued(*EVERYONE),
+        lasts_ns=1000 * MS,
+        after_ns=1500 * MS,
+        before=("crouch",),
+        holds_up=("wbc", "mpc", "link", "sim"),
+        breaks_log=True,
+    ),
+)

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a fault of processes, of the network or of the disk can lay hands on, and those faults."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runtime.link import topics as ros
+from runtime.messages import definitions
+from runtime.messages.keys import DEFAULT_QUALITY
+from runtime.messages.session import RosSession, session_config
+from runtime.robots.uslgo1.config import Uslgo1Config
+from sim_bridge.faults.relay import Relay
+
+if TYPE_CHECKING:  # the simulator, which these processes start, looks up faults too
+    from sim_bridge.live_processes import LiveProcesses
+
+EVERYONE = ("control", "link", "recorder", "sim")
+SUBSCRIBERS = 12
+MALFORMED = 20
+"""Messages on each topic."""
+_KEPT_FREE_BYTES = 64 << 10
+_TYPES = {
+    ros.IMU: definitions.IMU,
+    ros.LOCALIZATION: definitions.POSE_STAMPED,
+    ros.BATTERY: definitions.BATTERY_STATE,
+    ros.PATH: definitions.PATH,
+    ros.PATH_SPEED: definitions.FLOAT64,
+    ros.CMD_VEL: definitions.TWIST,
+    ros.MOTION: definitions.STRING,
+}
+_SENT = {
+    ros.JOINT_STATES: definitions.JOINT_STATE,
+    ros.ODOMETRY: definitions.ODOMETRY,
+    ros.DIAGNOSTICS: definitions.DIAGNOSTIC_ARRAY,
+}
+
+
+@dataclass
+class Stage:
+    """What a fault beside the wires can lay hands on.
+
+    Attributes:
+        config: of the robot.
+        live: its processes.
+        relay: the network between the operator and the link.
+        logs: directory in which the recorder makes bags.
+        has_disk: whether that directory is a disk of its own, which may be filled.
+        chance: for what a fault leaves to it.
+        held: what is let go when the fault ends.
+    """
+
+    config: Uslgo1Config
+    live: LiveProcesses
+    relay: Relay
+    logs: Path
+    has_disk: bool
+    chance: random.Random
+    held: ExitStack = field(default_factory=ExitStack)
+
+    @property
+    def away(self) -> Path:
+        """Where the logs are while their directory is gone."""
+        return self.logs.with_name(f"{self.logs.name}-away")
+
+
+Act = Callable[[Stage], None]
+
+
+def signalled(number: int, *names: str) -> Act:
+    """Send a signal to processes."""
+
+    def act(stage: Stage) -> None:
+        for name in names:
+            os.kill(stage.live.processes.pid(name), number)
+
+    return act
+
+
+def killed(name: str) -> Act:
+    """Kill a process."""
+    return signalled(signal.SIGKILL, name)
+
+
+def stopped(*names: str) -> Act:
+    """Stop processes where they are."""
+    return signalled(signal.SIGSTOP, *names)
+
+
+def continued(*names: str) -> Act:
+    """Let them go on."""
+    return signalled(signal.SIGCONT, *names)
+
+
+def started_again(name: str) -> Act:
+    """Do what a service manager does about a process that died, or that its watchdog found hung."""
+
+    def act(stage: Stage) -> None:
+        os.kill(stage.live.processes.pid(name), signal.SIGKILL)
+        stage.live.processes.stop(name)
+        stage.live.start(name)
+        if name != "control":  # which is ready when it keeps time; that is for the robot's state to tell
+            stage.live.processes.wait_ready(name)
+
+    return act
+
+
+def partitioned(stage: Stage) -> None:
+    """Nothing passes between operator and link, and neither is told."""
+    stage.relay.partition()
+
+
+def healed(stage: Stage) -> None:
+    """The network is back."""
+    stage.relay.heal()
+
+
+def released(stage: Stage) -> None:
+    """Let go what the fault held."""
+    stage.held.close()
+
+
+class _Listener:
+    """Takes messages and forgets them."""
+
+    def receive(self, payload: bytes, attachment: bytes) -> None:
+        """Forget a message."""
+
+    def refuse(self, reason: str) -> None:
+        """Forget one that was not looked at."""
+
+
+def _session(stage: Stage, node: str) -> RosSession:
+    link = stage.config.link
+    return stage.held.enter_context(RosSession(node, link.domain_id, session_config((), link.listen), link.type_hashes))
+
+
+def flooded_by_subscribers(stage: Stage) -> None:
+    """Many subscribe to everything that the robot sends."""
+    for number in range(SUBSCRIBERS):
+        session = _session(stage, f"subscriber_{number}")
+        for topic, type_name in _SENT.items():
+            session.subscribe(topic, type_name, _Listener())
+
+
+def malformed_messages(stage: Stage) -> None:
+    """Somebody sends what cannot be read, on every topic."""
+    session = _session(stage, "babbler")
+    for topic, type_name in _TYPES.items():
+        publisher = session.publisher(topic, type_name, DEFAULT_QUALITY)
+        for _ in range(MALFORMED):
+            publisher.put(stage.chance.randbytes(stage.chance.randrange(200)))
+
+
+def disk_full(stage: Stage) -> None:
+    """No room is left where the logs are."""
+    filler = stage.logs / ".filler"
+    descriptor = os.open(filler, os.O_CREAT | os.O_WRONLY, 0o600)
+    try:
+        disk = os.fstatvfs(descriptor)
+        os.posix_fallocate(descriptor, 0, max(_KEPT_FREE_BYTES, disk.f_bavail * disk.f_frsize - _KEPT_FREE_BYTES))
+    finally:
+        os.close(descriptor)
+
+
+def disk_freed(stage: Stage) -> None:
+    """There is room again."""
+    (stage.logs / ".filler").unlink(missing_ok=True)
+
+
+def logs_gone(stage: Stage) -> None:
+    """The present log is moved away under the recorder's hands."""
+    stage.away.mkdir(exist_ok=True)
+    for bag in stage.logs.iterdir():
+        if bag.is_dir():
+            bag.rename(stage.away / bag.name)
+
+
+def logs_back(stage: Stage) -> None:
+    """What was moved away is found again."""
+    for bag in stage.away.iterdir():
+        bag.rename(stage.logs / bag.name)
+    stage.away.rmdir()

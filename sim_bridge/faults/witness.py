@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the far end of the wires sees of a robot after a fault: when its drives let go, and whether they were abused.
+
+It needs no log, so that it also sees a robot whose control process is gone.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers.memory_bus import Received
+from runtime.robots.uslgo1.config import Uslgo1Config
+from runtime.safety.limits import joint_bounds
+from sim_bridge.quadruped_world import QuadrupedWorld
+
+JOINT_TOLERANCE_NM = 1e-9
+FALL_MARGIN_RAD = 0.1
+"""Beyond the tilt at which the robot is damped: it takes a moment."""
+
+
+class Witness:
+    """Looks at the world after every step of its physics, once it was told to.
+
+    Args:
+        config: of the robot.
+        world: the true robot.
+
+    Attributes:
+        released_ns: when no drive had more than damping in force, on the monotonic clock; None before.
+        joints_kept: whether angles and torques of all joints stayed within their limits until then.
+        fell: whether the robot fell before.
+    """
+
+    def __init__(self, config: Uslgo1Config, world: QuadrupedWorld) -> None:
+        low, high = joint_bounds(config.safety)
+        margin = config.safety.position_margin_rad
+        self._low, self._high = low - margin, high + margin
+        self._strongest = config.simulation.peak_torque_nm + JOINT_TOLERANCE_NM
+        self._tilt = config.safety.tilt_max_rad + FALL_MARGIN_RAD
+        self._world = world
+        self._heard: list[tuple[int, Received]] = []
+        self.begin()
+        self._watching = False
+
+    def begin(self) -> None:
+        """Watch from now on."""
+        self._watching = True
+        self.released_ns: int | None = None
+        self.joints_kept, self.fell = True, False
+        self._heard.clear()
+
+    def look(self) -> None:
+        """See the world after a step."""
+        if not self._watching or self.released_ns is not None:
+            return
+        world = self._world
+        if not world.drives.driven:
+            self.released_ns = time.monotonic_ns()
+            return
+        angles, torques = world.joint_angles, world.drives.applied
+        kept = (angles >= self._low).all() and (angles <= self._high).all()
+        self.joints_kept = bool(self.joints_kept and kept and (np.abs(torques) <= self._strongest).all())
+        self.fell = self.fell or world.tilt > self._tilt
+
+    def hear(self, received: Received) -> None:
+        """Note commands as they arrive."""
+        if self._watching and received.bus.size:
+            self._heard.append((time.monotonic_ns(), received))
+
+    def end(self, file: Path) -> dict[str, Any]:
+        """Stop watching; gives what was seen, and leaves the commands in a file."""
+        self._watching = False
+        counts = [received.bus.size for _, received in self._heard]
+        np.savez(
+            file,
+            arrival_ns=np.repeat(np.array([at_ns for at_ns, _ in self._heard], np.int64), counts),
+            bus=np.concatenate([received.bus for _, received in self._heard] or [np.zeros(0, np.uint8)]),
+            raw=np.frombuffer(b"".join(received.frames.tobytes() for _, received in self._heard), np.uint8),
+        )
+        return {"released_ns": self.released_ns, "joints_kept": self.joints_kept, "fell": self.fell}
