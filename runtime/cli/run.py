@@ -116,6 +116,7 @@ def _recorder(config: Uslgo1Config, options: argparse.Namespace) -> int:
         options.log_dir,
         extra_loops=(link_loop(config.link, config.realtime.link_priority), SIM),
         files=[terrain] if terrain.exists() else [],
+        priority=config.realtime.recorder_priority,
     )
     return 0
 

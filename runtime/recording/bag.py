@@ -19,6 +19,7 @@ from runtime.recording.layout import ChannelSpec, camel_case, package_name
 from runtime.recording.mcap_file import McapFile, open_output, reserve_space
 from runtime.recording.setup import RecordingSetup
 from runtime.recording.standard_topics import StandardTopic, standard_topics
+from runtime.recording.syncer import Syncer
 
 CHECKSUM_TOPIC_PREFIX = "/ugv/checksum/"
 RESERVE_BYTES = 1 << 20
@@ -88,6 +89,7 @@ class BagWriter:
             except OSError as error:
                 raise RecordingError(f"cannot write a log in {directory}: {_reason(error)}") from error
             undo.pop_all()
+        self._syncer = Syncer(self._descriptor) if options.sync_ns else None
         self._synced_ns = 0
         self._closed = False
 
@@ -173,8 +175,8 @@ class BagWriter:
         try:
             self._file.close_chunk()
             self.pending = 0
-            if self._options.sync_ns and self._file.end_ns - self._synced_ns >= self._options.sync_ns:
-                os.fdatasync(self._descriptor)
+            if self._syncer is not None and self._file.end_ns - self._synced_ns >= self._options.sync_ns:
+                self._syncer.ask()
                 self._synced_ns = self._file.end_ns
         except OSError as error:
             raise self._given_up(error) from error
@@ -225,6 +227,8 @@ class BagWriter:
         if self._closed:
             return
         self._closed = True
+        if self._syncer is not None:
+            self._syncer.close()
         if self._reserve is not None:
             os.close(self._reserve)
         try:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Collection
 from contextlib import suppress
 from pathlib import Path
 
-from runtime.executors.tick import Tick, entries, tick_record
+from runtime.executors.tick import ENTRY, Tick, tick_record
 from runtime.recording.bag import REALTIME, BagOptions, BagWriter, prepare
 from runtime.recording.clocks import ClockReading, ClockWatch, read_clocks
 from runtime.recording.continuity import Continuity
@@ -64,7 +64,13 @@ class Bags:
         self._status, self._say, self._clocks = status, say, clocks
         self._loops = [loop.name for loop in loops]
         self._of_control = {loop.name for loop in loops if loop.schedule}
-        self._sizes = {spec.number: body_size(dtype_of(spec.definition)) for spec in setup.channels}
+        body = {spec.number: body_size(dtype_of(spec.definition)) for spec in setup.channels}
+        self._sizes = {
+            tick.number: {spec.number: body[spec.number] for spec in setup.channels if spec.loop == tick.loop}
+            for tick in setup.channels
+            if tick.role == "tick"
+        }
+        self._no_sizes: dict[int, int] = {}
         names = {spec.number: spec.loop for spec in setup.channels if spec.role == "tick"}
         records = {loop.name: tick_record(loop) for loop in loops}
         self._ticks = {number: records[name] for number, name in names.items()}
@@ -144,18 +150,21 @@ class Bags:
 
     def _tick_number(self, datagram: bytes) -> int | None:
         """Number of the tick channel of a datagram, whose record is loaded; None if the datagram is none of ours."""
-        try:
-            contents = list(entries(datagram))
-        except struct.error:
-            return None
-        if not contents or contents[0][0] not in self._ticks:
-            return None
-        first = contents[0][0]
-        loop = self._loop_of[first]
-        for number, body in contents:
-            if self._loop_of.get(number) != loop or len(body) != self._sizes[number]:
+        unpack, size, position = ENTRY.unpack_from, len(datagram), 0
+        first, sizes = -1, self._no_sizes
+        while position < size:
+            try:
+                number, length = unpack(datagram, position)
+            except struct.error:
                 return None
-        self._ticks[first].load(contents[0][1])
+            if not position:
+                first, sizes = number, self._sizes.get(number, self._no_sizes)
+            if sizes.get(number) != length:
+                return None
+            position += ENTRY.size + length
+        if position != size or first < 0:
+            return None
+        self._ticks[first].load(memoryview(datagram)[ENTRY.size : ENTRY.size + sizes[first]])
         return first
 
     def _record(self, loop: str, number: int, datagram: bytes) -> None:

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 
+from runtime.executors.linux import run_first
 from runtime.executors.notify import Notifier
 from runtime.executors.tick_stream import RECORDER_SOCKET, TickListener
 from runtime.recording.bag import REALTIME
@@ -103,6 +104,7 @@ def serve(
     files: Sequence[Path] = (),
     seed: int = 0,
     revision: str | None = None,
+    priority: int = 0,
 ) -> None:
     """Record until SIGTERM or SIGINT.
 
@@ -115,6 +117,8 @@ def serve(
         files: that each bag carries, under their own names; such as `terrain.npz`.
         seed: of the run.
         revision: of the code, if known.
+        priority: of its threads under SCHED_FIFO, 0 for the normal one. A recorder that has to wait for its turn on a
+            busy machine loses what waits with it when it is killed.
 
     Raises:
         RecordingError: if a file cannot be read, or the writer has ended.
@@ -133,6 +137,9 @@ def serve(
     before, status = read_status(runtime_directory), RecorderStatus()
     bags = Bags(log_directory, setup, loops, status, _say, previous="" if before is None else before.bag)
     backlog = Backlog()
+    refused = run_first(priority) if priority else ""
+    if refused:
+        _say(refused)
     writer = _Writer(backlog, bags)
     listener = TickListener(runtime_directory / RECORDER_SOCKET)
     writer.start()

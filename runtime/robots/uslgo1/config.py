@@ -97,12 +97,14 @@ class RealtimeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         control_processors, link_processors: numbers of the processors that they run on; empty for all.
         link_priority: of the link's threads.
+        recorder_priority: of the recorder's threads, below all others; 0 for the normal one.
         switch_interval_us: how long a thread that wants the interpreter waits for one that computes.
     """
 
     control_processors: tuple[Annotated[int, msgspec.Meta(ge=0, le=1023)], ...] = ()
     link_processors: tuple[Annotated[int, msgspec.Meta(ge=0, le=1023)], ...] = ()
     link_priority: Annotated[int, msgspec.Meta(ge=1, le=98)] = 40
+    recorder_priority: Annotated[int, msgspec.Meta(ge=0, le=98)] = 20
     switch_interval_us: Annotated[int, msgspec.Meta(ge=50, le=5000)] = 100
 
 
