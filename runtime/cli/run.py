@@ -14,6 +14,7 @@ from runtime.cli.options import add_overrides
 from runtime.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
+    from runtime.recording.kept_setup import Prepared
     from runtime.robots.uslgo1.config import Uslgo1Config
 
 PROCESSES = ("recorder", "link", "control")
@@ -45,6 +46,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run what is asked for until it is told to stop."""
+    parts: dict[str | None, Callable[[argparse.Namespace], int]] = {
+        "control": _control,
+        "link": _link,
+        "recorder": _recorder,
+        None: _all,
+    }
+    return parts[options.process](options)
+
+
+def _configuration(options: argparse.Namespace) -> Uslgo1Config:
     from runtime.configuration import parse_overrides
     from runtime.robots import load_configuration
 
@@ -52,26 +63,25 @@ def run(options: argparse.Namespace) -> int:
     config = load_configuration(source, parse_overrides(options.assignments))
     if config.robot != options.robot:
         raise UsageError(f"ugv run: {options.config} is a configuration of {config.robot}, not of {options.robot}")
+    return config
+
+
+def _make_meeting_place(options: argparse.Namespace) -> None:
     try:
         options.runtime_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(
             f"--runtime-dir {options.runtime_dir}: cannot be made ({error.strerror}); give another one"
         ) from None
-    parts: dict[str | None, Callable[[Uslgo1Config, argparse.Namespace], int]] = {
-        "control": _control,
-        "link": _link,
-        "recorder": _recorder,
-        None: _all,
-    }
-    return parts[options.process](config, options)
 
 
-def _control(config: Uslgo1Config, options: argparse.Namespace) -> int:
+def _control(options: argparse.Namespace) -> int:
     from runtime.executors.control import control
     from runtime.robots.uslgo1.assembly import assemble
     from runtime.robots.uslgo1.rehearsal import rehearse
 
+    config = _configuration(options)
+    _make_meeting_place(options)
     rehearse(config)
     refused = control(
         assemble(config),
@@ -87,7 +97,7 @@ def _control(config: Uslgo1Config, options: argparse.Namespace) -> int:
     return 0
 
 
-def _link(config: Uslgo1Config, options: argparse.Namespace) -> int:
+def _link(options: argparse.Namespace) -> int:
     import signal
     import threading
 
@@ -97,37 +107,48 @@ def _link(config: Uslgo1Config, options: argparse.Namespace) -> int:
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    carry(link_setup(config), options.runtime_dir, stop, lambda sentence: print(f"ugv {sentence}", file=sys.stderr))
+    setup = link_setup(_configuration(options))
+    _make_meeting_place(options)
+    carry(setup, options.runtime_dir, stop, lambda sentence: print(f"ugv {sentence}", file=sys.stderr))
     return 0
 
 
-def _recorder(config: Uslgo1Config, options: argparse.Namespace) -> int:
+def _recorder(options: argparse.Namespace) -> int:
+    from runtime.recording.kept_setup import kept_setup, origin
+    from runtime.recording.service import serve
+
+    _make_meeting_place(options)
+    file, terrain = options.config, options.runtime_dir / "terrain.npz"
+    content = file.read_bytes() if file is not None and file.is_file() else b""
+    chosen = (options.robot.encode(), str(file).encode(), content, *(part.encode() for part in options.assignments))
+    prepared = kept_setup(options.runtime_dir, origin(*chosen), lambda: _prepared(_configuration(options)))
+    files = [terrain] if terrain.exists() else []
+    serve(prepared.setup, options.runtime_dir, options.log_dir, files, prepared.priority)
+    return 0
+
+
+def _prepared(config: Uslgo1Config) -> Prepared:
     from runtime.configuration import dump
     from runtime.executors.companions import SIM
     from runtime.link.loop import link_loop
-    from runtime.recording.service import serve
+    from runtime.recording.kept_setup import Prepared
+    from runtime.recording.setup import recording_setup
     from runtime.robots.uslgo1.assembly import assemble
 
-    terrain = options.runtime_dir / "terrain.npz"
-    serve(
-        assemble(config),
-        dump(config),
-        options.runtime_dir,
-        options.log_dir,
-        extra_loops=(link_loop(config.link, config.realtime.link_priority), SIM),
-        files=[terrain] if terrain.exists() else [],
-        priority=config.realtime.recorder_priority,
-    )
-    return 0
+    robot, link = assemble(config), link_loop(config.link, config.realtime.link_priority)
+    setup = recording_setup((*robot.loops, link, SIM), robot.name, dump(config), 0, robot.joint_names)
+    return Prepared(setup, config.realtime.recorder_priority)
 
 
-def _all(config: Uslgo1Config, options: argparse.Namespace) -> int:
+def _all(options: argparse.Namespace) -> int:
     """Start each process, and stop all as soon as one ends or this one is told to."""
     import signal
     import threading
 
     from runtime.executors.processes import ProcessError, Processes
 
+    _configuration(options)
+    _make_meeting_place(options)
     told = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: told.set())

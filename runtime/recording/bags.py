@@ -11,11 +11,11 @@ import os
 import shutil
 import struct
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from runtime.executors.tick import ENTRY, Tick, tick_record
+from runtime.executors.tick import ENTRY, Tick
 from runtime.recording.bag import REALTIME, BagOptions, BagWriter, prepare
 from runtime.recording.clocks import ClockReading, ClockWatch, read_clocks
 from runtime.recording.continuity import Continuity
@@ -23,7 +23,6 @@ from runtime.recording.errors import RecordingError
 from runtime.recording.layout import body_size, dtype_of
 from runtime.recording.recorder_status import RecorderStatus
 from runtime.recording.setup import BEGINNING, RecordingSetup
-from runtime.tasks import Loop
 
 FIRST_TICK_PREFIX, CLOCK_PREFIX = "first_tick/", "clock/"
 """Names of the metadata records on the first tick of each loop, and on what happened to the clocks."""
@@ -41,7 +40,6 @@ class Bags:
     Args:
         directory: that the bags are made in; made if missing.
         setup: what is to be recorded.
-        loops: those of the setup, in its order.
         status: kept up to date.
         say: told, in a sentence, of each failure and of each beginning.
         options: how the log reaches the disk.
@@ -53,7 +51,6 @@ class Bags:
         self,
         directory: Path,
         setup: RecordingSetup,
-        loops: Collection[Loop],
         status: RecorderStatus,
         say: Callable[[str], None],
         options: BagOptions = REALTIME,
@@ -62,8 +59,7 @@ class Bags:
     ) -> None:
         self._directory, self._setup, self._options = directory, setup, options
         self._status, self._say, self._clocks = status, say, clocks
-        self._loops = [loop.name for loop in loops]
-        self._of_control = {loop.name for loop in loops if loop.schedule}
+        self._of_control = {spec.loop for spec in setup.channels if spec.role == "output"}
         body = {spec.number: body_size(dtype_of(spec.definition)) for spec in setup.channels}
         self._sizes = {
             tick.number: {spec.number: body[spec.number] for spec in setup.channels if spec.loop == tick.loop}
@@ -71,9 +67,7 @@ class Bags:
             if tick.role == "tick"
         }
         self._no_sizes: dict[int, int] = {}
-        names = {spec.number: spec.loop for spec in setup.channels if spec.role == "tick"}
-        records = {loop.name: tick_record(loop) for loop in loops}
-        self._ticks = {number: records[name] for number, name in names.items()}
+        self._ticks = {spec.number: Tick(spec.topic, spec.sizes) for spec in setup.channels if spec.role == "tick"}
         self._loop_of = {spec.number: spec.loop for spec in setup.channels}
         prepare(setup)
         self._bag: BagWriter | None = None

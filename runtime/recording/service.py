@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 
@@ -23,9 +24,7 @@ from runtime.recording.bag import REALTIME
 from runtime.recording.bags import Bags
 from runtime.recording.errors import RecordingError
 from runtime.recording.recorder_status import RecorderStatus, read_status
-from runtime.recording.setup import Attachment, recording_setup
-from runtime.robots.robot import Robot
-from runtime.tasks import Loop
+from runtime.recording.setup import Attachment, RecordingSetup
 
 BACKLOG_BYTES = 64 << 20
 """What may wait for the disk: at 4 MB a second, a quarter of a minute."""
@@ -95,28 +94,19 @@ class _Writer(threading.Thread):
 
 
 def serve(
-    robot: Robot,
-    config: str,
+    setup: RecordingSetup,
     runtime_directory: Path,
     log_directory: Path,
-    *,
-    extra_loops: Sequence[Loop] = (),
     files: Sequence[Path] = (),
-    seed: int = 0,
-    revision: str | None = None,
     priority: int = 0,
 ) -> None:
     """Record until SIGTERM or SIGINT.
 
     Args:
-        robot: whose ticks come.
-        config: its resolved configuration, as text.
+        setup: of the robot whose ticks come, and of the processes beside it.
         runtime_directory: where the socket and the status file are.
         log_directory: where the bags are made.
-        extra_loops: of other processes, without tasks, after the robot's own.
         files: that each bag carries, under their own names; such as `terrain.npz`.
-        seed: of the run.
-        revision: of the code, if known.
         priority: of its threads under SCHED_FIFO, 0 for the normal one. A recorder that has to wait for its turn on a
             busy machine loses what waits with it when it is killed.
 
@@ -131,11 +121,10 @@ def serve(
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, on_signal)
-    loops = (*robot.loops, *extra_loops)
-    extra = [Attachment(file.name, "application/octet-stream", _content(file)) for file in files]
-    setup = recording_setup(loops, robot.name, config, seed, robot.joint_names, revision=revision, extra=extra)
+    extra = (Attachment(file.name, "application/octet-stream", _content(file)) for file in files)
+    setup = replace(setup, attachments=(*setup.attachments, *extra))
     before, status = read_status(runtime_directory), RecorderStatus()
-    bags = Bags(log_directory, setup, loops, status, _say, previous="" if before is None else before.bag)
+    bags = Bags(log_directory, setup, status, _say, previous="" if before is None else before.bag)
     backlog = Backlog()
     refused = run_first(priority) if priority else ""
     if refused:

@@ -261,7 +261,7 @@ def decode_datagram(data: bytes) -> None:
         pass
     with tempfile.TemporaryDirectory(dir=room()) as directory:
         status = RecorderStatus()
-        bags = Bags(Path(directory), toy_setup(), toy().loops(), status, lambda sentence: None)
+        bags = Bags(Path(directory), toy_setup(), status, lambda sentence: None)
         bags.write(data)
         bags.close()
         assert status.recorded + status.rejected == 1

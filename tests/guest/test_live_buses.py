@@ -16,10 +16,13 @@ from drivers.device_end import open_device_end
 from drivers.memory_bus import End
 from drivers.opening import SOCKETCAN, UNIX
 from drivers.unix_hub import UnixHub
+from runtime.recording.log import Log
+from runtime.robots import topics
 from sim_bridge.live_buses import live_buses
+from sim_bridge.live_run import run_live
 from sim_bridge.virtual_links import remove_orphaned_links
 
-BUSES = 4
+BUSES, WORLD_TIME_S = 4, 0.3
 HOLDER = """
 from sim_bridge.virtual_links import virtual_links
 with virtual_links(2) as names:
@@ -116,3 +119,17 @@ def test_if_one_cannot_be_made_none_is_left(tmp_path, monkeypatch):
         UnixHub(tmp_path / "can0").close()
         assert interfaces() == before | {"ugv0123abcd-3"}
     remove_orphaned_links()
+
+
+@pytest.mark.timeout(1500)
+def test_the_processes_of_a_run_speak_over_them(tmp_path, capsys):
+    """In a guest only the beginning of one: there the loops take ten times as long as they have."""
+    before = interfaces()
+    subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
+    summary = run_live("uslgo1", "stand", until_s=WORLD_TIME_S, out=tmp_path)
+    assert "(vcan)" in capsys.readouterr().err
+    assert summary["sim_time_s"] >= WORLD_TIME_S
+    counts = Log(tmp_path).counts()
+    assert counts[topics.CAN_SENT]
+    assert counts[topics.CAN_RECEIVED]
+    assert interfaces() == before

@@ -60,7 +60,6 @@ class Bench:
         self.bags = Bags(
             self.directory,
             self.toy.setup(),
-            self.toy.loops(),
             self.status,
             self.said.append,
             self.toy.small_chunks,
@@ -147,7 +146,7 @@ def test_a_loop_of_another_process_that_starts_anew_stays_in_the_bag(toy, tmp_pa
     loops = (*toy.loops(), link)
     setup = recording_setup(loops, "toy", "", 0)
     status = RecorderStatus()
-    bags = Bags(tmp_path, setup, loops, status, [].append, clocks=Clocks())
+    bags = Bags(tmp_path, setup, status, [].append, clocks=Clocks())
     number = next(spec.number for spec in setup.channels if spec.loop == "link")
     for index in (0, 1, 2, 0, 1):
         tick.index = index

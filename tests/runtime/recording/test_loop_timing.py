@@ -103,7 +103,6 @@ def live_log(toy, tmp_path) -> Path:
     bags = Bags(
         tmp_path,
         toy.setup(),
-        toy.loops(),
         status,
         lambda sentence: None,
         toy.small_chunks,

@@ -33,8 +33,9 @@ import sys
 from pathlib import Path
 from conftest import JOINTS, make_loops
 from runtime.recording.service import serve
-from runtime.robots.robot import Robot
-serve(Robot("toy", make_loops(), JOINTS), "gain = 0.3\\n", Path(sys.argv[1]), Path(sys.argv[2]), files=[Path(__file__)])
+from runtime.recording.setup import recording_setup
+setup = recording_setup(make_loops(), "toy", "gain = 0.3\\n", 0, JOINTS)
+serve(setup, Path(sys.argv[1]), Path(sys.argv[2]), [Path(__file__)])
 """
 PATIENCE_S = 120.0
 OPEN_CHUNK = 4
