@@ -74,7 +74,7 @@ class LiveProcesses:
             for name in ("recorder", "link"):
                 self.start(name)
                 self.processes.wait_ready(name)
-            self._start_simulator()
+            self.start_simulator()
             self.start("control")
         except BaseException:
             self.processes.__exit__(None, None, None)
@@ -90,7 +90,8 @@ class LiveProcesses:
         """Start control, link or recorder."""
         self.processes.start(name, [*self._ugv, name])
 
-    def _start_simulator(self) -> None:
+    def start_simulator(self) -> None:
+        """Start the simulator, and wait until it is ready."""
         simulator = self.processes.start("sim", [sys.executable, "-m", "sim_bridge.process"], piped=True)
         assert simulator.stdin is not None
         assert simulator.stdout is not None

@@ -100,7 +100,11 @@ def play(rows: Sequence[LiveRow], seed: int, logs: Path, has_disk: bool, told: C
                     if not answers.wait(partial(_grown, answers.struck, struck), WALKS_WITHIN_S):
                         told(f"{row.name}: {answers.ended or f'the robot did not walk within {WALKS_WITHIN_S:g} s'}")
                         break
-                    episodes.append(_episode(row, stage, answers, directory))
+                    try:
+                        episodes.append(_episode(row, stage, answers, directory))
+                    except ProcessError as error:
+                        told(f"{row.name}: {error}")
+                        break
                     told(row.name)
                 live.stop()
     return episodes

@@ -7,7 +7,7 @@ import os
 import random
 import signal
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,7 +26,8 @@ EVERYONE = ("control", "link", "recorder", "sim")
 SUBSCRIBERS = 12
 MALFORMED = 20
 """Messages on each topic."""
-_KEPT_FREE_BYTES = 64 << 10
+_FILLER = ".filler"
+_RECORDED_MEANWHILE_BYTES, _BLOCK_BYTES = 32 << 20, 64 << 10
 _TYPES = {
     ros.IMU: definitions.IMU,
     ros.LOCALIZATION: definitions.POSE_STAMPED,
@@ -161,18 +162,22 @@ def malformed_messages(stage: Stage) -> None:
 
 def disk_full(stage: Stage) -> None:
     """No room is left where the logs are."""
-    filler = stage.logs / ".filler"
-    descriptor = os.open(filler, os.O_CREAT | os.O_WRONLY, 0o600)
+    descriptor = os.open(stage.logs / _FILLER, os.O_CREAT | os.O_WRONLY | os.O_APPEND, 0o600)
     try:
         disk = os.fstatvfs(descriptor)
-        os.posix_fallocate(descriptor, 0, max(_KEPT_FREE_BYTES, disk.f_bavail * disk.f_frsize - _KEPT_FREE_BYTES))
+        room = disk.f_bavail * disk.f_frsize - _RECORDED_MEANWHILE_BYTES
+        if room > 0:
+            os.posix_fallocate(descriptor, 0, room)
+        with suppress(OSError):  # which is the end
+            while True:
+                os.write(descriptor, bytes(_BLOCK_BYTES))
     finally:
         os.close(descriptor)
 
 
 def disk_freed(stage: Stage) -> None:
     """There is room again."""
-    (stage.logs / ".filler").unlink(missing_ok=True)
+    (stage.logs / _FILLER).unlink(missing_ok=True)
 
 
 def logs_gone(stage: Stage) -> None:
