@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
@@ -13,6 +13,7 @@ from runtime.link.control_monitor import ControlMonitor
 from runtime.link.loop_statistics import spread
 from runtime.link.tally import Tally
 from runtime.messages.diagnostics import Level, Status
+from runtime.recording.recorder_status import RecorderStatus
 from runtime.robots import topics
 from runtime.signals import (
     Battery,
@@ -26,6 +27,9 @@ from runtime.signals import (
     Mode,
     SafetyStatus,
 )
+
+RECORDER_SILENT_NS = 3_000_000_000
+"""It speaks once a second."""
 
 
 @lru_cache(maxsize=64)
@@ -52,11 +56,13 @@ class Diagnosis:
         monitor: of the control loops.
         tally: of received messages.
         silent_ns: without a tick for so long, control is called silent.
+        recorder: gives what the recorder says of itself, None if it has never said anything.
     """
 
     monitor: ControlMonitor
     tally: Tally
     silent_ns: int
+    recorder: Callable[[], RecorderStatus | None]
 
     def __post_init__(self) -> None:
         self._before: dict[str, float] = {}
@@ -78,6 +84,7 @@ class Diagnosis:
             link: figures of the link itself.
         """
         found = [self._control(now_ns), *self._signals(), *self._loops(), self._imu(), *self._inputs(now_ns)]
+        found.append(self._recorder(now_ns))
         return [*found, self._counted("link", {"malformed_ticks": self.monitor.malformed}, link)]
 
     def _control(self, now_ns: int) -> Status:
@@ -143,6 +150,18 @@ class Diagnosis:
             if topic in accepted:
                 figures["age_ms"] = (now_ns - self.tally.last_ns[topic]) / 1e6
             yield self._counted(f"input {topic}", counts | {"lost": lost.get(topic, 0)}, figures)
+
+    def _recorder(self, now_ns: int) -> Status:
+        """Whether the log is written; control goes on without it."""
+        status = self.recorder()
+        if status is None:
+            return Status("recorder", Level.WARN, "there has been no recorder", {})
+        figures = {"log": status.bag, "bags": status.bags, "backlog_bytes": status.backlog_bytes}
+        if now_ns - status.updated_ns > RECORDER_SILENT_NS:
+            return Status("recorder", Level.ERROR, "the recorder is silent", figures)
+        counts = {name: getattr(status, name) for name in ("gaps", "failed", "rejected", "overflowed")}
+        failing = bool(status.error) and not status.recording
+        return self._counted("recorder", counts, figures, failing, status.error if failing else "")
 
     def _counted(
         self,

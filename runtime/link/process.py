@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from runtime.executors.companions import CompanionTicks
@@ -27,6 +28,7 @@ from runtime.link.outputs import Outputs
 from runtime.link.setup import LinkSetup
 from runtime.link.topics import TAKEN
 from runtime.messages.session import RosSession, session_config
+from runtime.recording.recorder_status import read_status
 from runtime.records import Record
 from runtime.robots import topics
 from runtime.signals import Battery, Imu, OperatorEvent, Pose
@@ -106,7 +108,7 @@ class _Carrier:
             setup.joint_names,
             setup.description,
             self._monitor,
-            Diagnosis(self._monitor, inputs.tally, setup.config.silent_ns),
+            Diagnosis(self._monitor, inputs.tally, setup.config.silent_ns, partial(read_status, directory)),
             instant(),
         )
 

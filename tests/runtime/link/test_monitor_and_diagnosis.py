@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from runtime.executors.tick import ENTRY, Tick, manifest_of
 from runtime.link.control_monitor import ControlMonitor
-from runtime.link.diagnosis import Diagnosis, fault_names
+from runtime.link.diagnosis import RECORDER_SILENT_NS, Diagnosis, fault_names
 from runtime.link.tally import Tally
 from runtime.messages.diagnostics import Level
+from runtime.recording.recorder_status import RecorderStatus
 from runtime.robots import topics
 from runtime.signals import BusState, BusStatus, Fault, Imu, JointState, Mode, SafetyStatus
 from runtime.tasks import Loop
@@ -45,7 +46,7 @@ def monitor() -> ControlMonitor:
 
 @pytest.fixture
 def diagnosis(monitor) -> Diagnosis:
-    return Diagnosis(monitor, Tally(), SILENT_NS)
+    return Diagnosis(monitor, Tally(), SILENT_NS, lambda: None)
 
 
 def part(diagnosis: Diagnosis, name: str, now_ns: int = 0):
@@ -145,7 +146,7 @@ def test_a_counter_warns_once_after_it_has_grown(monitor, diagnosis):
 
 def test_rejections_are_told_by_topic_and_reason(monitor):
     tally = Tally()
-    diagnosis = Diagnosis(monitor, tally, SILENT_NS)
+    diagnosis = Diagnosis(monitor, tally, SILENT_NS, lambda: None)
     tally.accept("/imu/data", 10)
     tally.reject("/imu/data", "the stamp is too old")
     tally.reject("/imu/data", "the stamp is too old")
@@ -163,3 +164,17 @@ def test_every_fault_has_a_name(bits):
     names = fault_names(bits).split()
     assert (names == ["none"]) == (bits == 0)
     assert len(names) == max(1, sum(bool(bits & fault) for fault in Fault) + bool(bits & ~sum(Fault)))
+
+
+def test_a_recorder_that_fails_or_falls_silent_is_an_error(monitor):
+    said: list[RecorderStatus] = []
+    diagnosis = Diagnosis(monitor, Tally(), SILENT_NS, lambda: said[-1] if said else None)
+    assert part(diagnosis, "recorder").level == Level.WARN
+    said.append(RecorderStatus(recording="log", bag="log", updated_ns=10))
+    assert part(diagnosis, "recorder", 10 + RECORDER_SILENT_NS).level == Level.OK
+    assert part(diagnosis, "recorder", 11 + RECORDER_SILENT_NS).message == "the recorder is silent"
+    said.append(RecorderStatus(error="no space left on device", failed=3))
+    told = part(diagnosis, "recorder")
+    assert (told.level, told.message) == (Level.ERROR, "no space left on device, more: failed")
+    said.append(RecorderStatus(recording="another", error="no space left on device", failed=3))
+    assert part(diagnosis, "recorder").level == Level.OK

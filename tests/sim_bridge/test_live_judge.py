@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A trial in real time is judged by its log, by what the drives saw, and by the stalls of the machine."""
+
+import numpy as np
+import pytest
+
+from runtime.executors.tick import TICK_TOPIC_PREFIX, tick_record
+from runtime.recording.log import Signal
+from runtime.recording.stalls import Stall
+from runtime.robots import load_configuration, topics
+from runtime.robots.uslgo1.assembly import assemble
+from runtime.signals import Fault, Mode
+from sim_bridge.faults.live_judge import judged, moved_unarmed, oldest_command_ns
+from sim_bridge.faults.live_logs import FAST, LiveLogs
+from sim_bridge.faults.live_session import Episode, Frames
+from sim_bridge.faults.live_table import LIVE_ROWS
+
+MS = 1_000_000
+CONFIG = load_configuration("uslgo1")
+LOOPS = assemble(CONFIG).loops
+PERIOD_NS = CONFIG.loops.wbc_period_ns
+AT_NS = 1000 * PERIOD_NS
+NO_FRAMES = Frames(np.zeros(0, np.int64), np.zeros(0, np.uint8), np.zeros((0, 16), np.uint8))
+
+
+class Story(LiveLogs):
+    """A log that is made up: a robot that walks at first, tick by tick."""
+
+    def __init__(self, ticks=2000):
+        records = {record.topic: record for loop in LOOPS for record in (*loop.writes, *loop.port_inputs)}
+        records[TICK_TOPIC_PREFIX + FAST] = tick_record(LOOPS[0])
+        wanted = (topics.SAFETY, topics.GAIT, topics.JOINT_COMMAND_SAFE, topics.CAN_SENT, TICK_TOPIC_PREFIX + FAST)
+        self.bags, self.stalls = [], []
+        times = np.arange(ticks) * PERIOD_NS
+        self._signals = {}
+        for topic in wanted:
+            values = np.zeros(ticks, records[topic].dtype)
+            if "stamp_ns" in values.dtype.names:
+                values["stamp_ns"] = times
+            self._signals[topic] = Signal(times, values)
+        self.tick = self._signals[TICK_TOPIC_PREFIX + FAST].values
+        self.tick["index"], self.tick["now_ns"] = np.arange(ticks), times
+        self.status, self.gait = self._signals[topics.SAFETY].values, self._signals[topics.GAIT].values
+        self.command = self._signals[topics.JOINT_COMMAND_SAFE].values
+        self.status["mode"], self.gait["walking"] = Mode.ACTIVE, True
+        self.command["stiffness"] = 30.0
+        self.status["mode"][:1], self.command["stiffness"][:1] = Mode.STANDBY, 0.0
+
+    def becomes(self, after_ns, mode):
+        first = (AT_NS + after_ns) // PERIOD_NS
+        self.status["mode"][first:] = mode
+        self.command["stiffness"][first:] = 0.0 if mode == Mode.DAMPED else 30.0
+
+    def loses(self, first, last):
+        """Take ticks out of the log."""
+        for topic, signal in self._signals.items():
+            self._signals[topic] = Signal(*(np.delete(part, np.s_[first:last]) for part in signal))
+
+
+def row_of(name):
+    return next(row for row in LIVE_ROWS if row.name == name)
+
+
+def episode_of(name, released_ms=None, joints_kept=True, fell=False):
+    released_ns = None if released_ms is None else AT_NS + released_ms * MS
+    until_ns = AT_NS + 900 * MS
+    return Episode(row_of(name), AT_NS, until_ns, until_ns, released_ns, joints_kept, fell, NO_FRAMES, None)
+
+
+def damped(after_ms, fault=Fault.EMERGENCY_STOP):
+    story = Story()
+    story.becomes(after_ms * MS, Mode.DAMPED)
+    story.status["fault"][(AT_NS + after_ms * MS) // PERIOD_NS :] = fault
+    return story
+
+
+def test_an_answer_in_time_is_as_expected_with_its_time():
+    verdict = judged(episode_of("emergency stop", 12), damped(10), CONFIG)
+    assert verdict.flaws == ()
+    assert verdict.answer == ("damp",)
+    assert verdict.time_ms == pytest.approx(10, abs=PERIOD_NS / MS)
+
+
+@pytest.mark.parametrize(
+    ("story", "episode", "flaw"),
+    [
+        (Story(), episode_of("emergency stop"), "answer is walk on"),
+        (damped(400), episode_of("emergency stop", 401), "took"),
+        (damped(10, Fault.TILT), episode_of("emergency stop", 12), "EMERGENCY_STOP was not named"),
+        (damped(10), episode_of("emergency stop", 12, joints_kept=False), "a joint passed its limits"),
+        (damped(10), episode_of("emergency stop", 12, fell=True), "it fell"),
+        (damped(10), episode_of("emergency stop"), "the drives never let go"),
+    ],
+)
+def test_what_is_not_as_it_is_to_be_is_said_and_shows_nothing_only_beside_a_stall(story, episode, flaw):
+    verdict = judged(episode, story, CONFIG)
+    assert any(flaw in found for found in verdict.flaws)
+    assert not verdict.shows_nothing
+    story.stalls = [Stall("sim", AT_NS, 20 * MS)]
+    verdict = judged(episode, story, CONFIG)
+    assert verdict.shows_nothing
+    assert verdict.stall_ms == 20.0
+    story.stalls = [Stall("sim", AT_NS - 900 * MS, 20 * MS)]
+    assert not judged(episode, story, CONFIG).shows_nothing, "long before the fault"
+
+
+def test_a_stall_gives_so_much_more_time():
+    story = damped(50)
+    assert judged(episode_of("emergency stop", 52), story, CONFIG).flaws
+    story.stalls = [Stall("link", AT_NS, 40 * MS)]
+    assert judged(episode_of("emergency stop", 52), story, CONFIG).flaws == ()
+
+
+def test_without_control_the_drives_answer_for_the_robot():
+    story = Story()
+    story.loses(AT_NS // PERIOD_NS, 2000)
+    verdict = judged(episode_of("control killed", 24), story, CONFIG)
+    assert verdict.flaws == ()
+    assert verdict.time_ms == 24.0
+    assert judged(episode_of("control killed", 60), story, CONFIG).flaws != ()
+
+
+def test_a_log_must_be_whole_up_to_the_fault_and_go_on_after_it():
+    for first, last, flaw in ((960, 963, "3 ticks"), (985, 1000, "the log lacks the last"), (1300, 2000, "nothing is")):
+        story = damped(10)
+        story.loses(first, last)
+        assert any(flaw in found for found in judged(episode_of("emergency stop", 12), story, CONFIG).flaws), flaw
+
+
+def test_nobody_drives_a_robot_without_power_and_control_begins_in_standby():
+    story = damped(10)
+    assert moved_unarmed(story) == []
+    story.command["stiffness"][-1] = 1.0
+    assert len(moved_unarmed(story)) == 1
+    story = Story()
+    story.status["mode"][0] = Mode.DAMPED
+    assert moved_unarmed(story) == ["control began in DAMPED"]
+
+
+def test_the_age_of_a_command_is_that_of_the_newest_with_its_bytes():
+    sent = np.zeros(3, [("stamp_ns", "<i8"), ("count", "<u4"), ("bus", "u1", (2,)), ("data", "u1", (32,))])
+    sent["stamp_ns"], sent["count"] = (10, 20, 30), (1, 1, 2)
+    sent["data"][0, :16], sent["data"][1, :16], sent["data"][2, :16] = 1, 1, 2
+    sent["data"][2, 16:], sent["bus"][2, 1] = 1, 1
+    signal = Signal(sent["stamp_ns"], sent)
+
+    def oldest(arrival_ns, bus, byte):
+        frames = Frames(np.array([arrival_ns]), np.array([bus], np.uint8), np.full((1, 16), byte, np.uint8))
+        return oldest_command_ns(frames, signal)
+
+    assert oldest(26, 0, 1) == 6
+    assert oldest(15, 0, 1) == 5
+    assert oldest(40, 1, 1) == 10
+    assert oldest(40, 0, 9) == 0, "of what is not in the log nothing is known"
+
+
+def test_logs_of_several_bags_are_one(tmp_path):
+    assert LiveLogs(tmp_path, (), MS).bags == []
