@@ -21,7 +21,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: sil venv test test-guest test-service lint fuzz claims faults kills bench clean
+.PHONY: sil venv test test-guest test-service lint fuzz claims faults faults-live kills bench clean
 .DEFAULT_GOAL := sil
 
 sil: venv  ## Walk USLGO1 round the 6 cm circle.
@@ -71,6 +71,9 @@ fuzz: venv  ## Try to break every decoder, FUZZ_S seconds each (needs x86_64: at
 
 faults: venv  ## Break everything that can break in virtual time, at several phases of the gait.
 	$(BIN)/ugv experiment faults $(FAULTS_ARGS)
+
+faults-live: venv  ## Break wires, processes, network and disk of a robot that walks in real time.
+	$(BIN)/ugv experiment faults --realtime $(FAULTS_ARGS)
 
 claims: venv  ## Walk the scenarios on a few seeds and compare with what is claimed.
 	$(BIN)/python tests/claims.py $(CLAIMS_ARGS)
