@@ -115,22 +115,26 @@ class LiveProcesses:
             raise ProcessError("the simulator takes no more orders") from None
 
     def answers(self) -> Iterator[dict[str, Any]]:
-        """What the simulator says, until it has said how the run went.
+        """What the simulator says, until it has said how the run went; when that is over, control ends, then it.
 
         Raises:
             ProcessError: if it ends before that.
         """
         for line in self._lines:
             answer = json.loads(line)
+            if "over" in answer:
+                self.processes.stop("control")
+                self.processes.terminate("sim")
             yield answer
             if "outcome" in answer:
                 return
         raise ProcessError(f"the simulator {how_it_ended(self.processes.stop('sim'))} before the run was over")
 
     def stop(self) -> None:
-        """End all in order: the recorder is the last, so that it has heard everything."""
+        """End in order all that still run: the recorder is the last, so that it has heard everything."""
         for name in STOP_ORDER:
-            self.processes.stop(name)
+            if name in self.processes.names:
+                self.processes.stop(name)
 
 
 def _free_port() -> int:

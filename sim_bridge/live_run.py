@@ -93,7 +93,7 @@ def _watched(live: LiveProcesses, progress: Progress) -> dict[str, Any]:
         if "progress" in answer:
             progress(*answer["progress"])
             held.append((answer["progress"][0], live.processes.resources()))
-        live.processes.check()
+            live.processes.check()
     return {**outcome, "resources": _growth(held)}
 
 

@@ -2,7 +2,8 @@
 """The simulator as a process of its own, for runs against the wall clock.
 
 It is given a `Task` as JSON on standard input, and answers on standard output with one JSON object a line: `ready` when
-the buses are there, `progress` now and then, and `outcome` at the end of the run.
+the buses are there, `progress` now and then, and `over` when the run is. The robot keeps its wires and its ground until
+SIGTERM, so that control can be ended first; then comes the `outcome`.
 """
 
 from __future__ import annotations
@@ -112,7 +113,7 @@ def _device_end(task: Task, config: Uslgo1Config) -> DeviceEnd:
 
 
 def simulate(task: Task) -> dict[str, Any]:
-    """Run a scenario and say what came of it."""
+    """Run a scenario until it is over, and on until SIGTERM; returns what came of it."""
     config = load_configuration(task.config)
     course = chosen_scenario(task.scenario, config, task.seed)
     rehearse(config.robot, config.variant.estimator, config.variant.controller)
@@ -152,19 +153,27 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
             partial(CompanionTicks, (*loops, link), SIM, TickStream(directory / RECORDER_SOCKET)),
         )
 
-        def over(now_ns: int) -> bool:
+        times: dict[str, float] = {}
+
+        def ended(now_ns: int) -> bool:
             if injector is not None:
                 injector.step(now_ns)
             if now_ns % SAMPLE_NS:
                 return False
             mirror.update()
-            return bool(stop) or part.over(now_ns)
+            if not times and (part.over(now_ns) or stop):
+                times.update(_times(live, now_ns))
+                _answer(over=True)
+            return bool(stop)
 
         _answer(ready=True, refused=refused)
-        reached_ns = live.run(over)
-        wall_s = (time.monotonic_ns() - live.start_ns + live.lost_ns) * 1e-9
+        live.run(ended)
+    return {**part.outcome(), **times}
+
+
+def _times(live: LiveWorld, reached_ns: int) -> dict[str, float]:
+    wall_s = (time.monotonic_ns() - live.start_ns + live.lost_ns) * 1e-9
     return {
-        **part.outcome(),
         "sim_time_s": reached_ns * 1e-9,
         "wall_time_s": wall_s,
         "lost_time_s": live.lost_ns * 1e-9,

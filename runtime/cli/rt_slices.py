@@ -69,6 +69,7 @@ class Walk:
         self._seconds = STANDING_UP_S + seconds
         loops = assemble(log.robot, log.config)
         self.period_ns = loops[0].period_ns
+        self._bare = tuple(dataclasses.replace(loop, schedule=(), port_outputs=()) for loop in loops)
         self._inputs = {
             record.topic: (loop.period_ns, record, log.read_signal(record.topic))
             for loop in loops
@@ -81,9 +82,7 @@ class Walk:
         from runtime.executors.recorded_ports import RecordedPort, moved_in_time
         from runtime.robots import assemble
 
-        loops, sink = assemble(self._robot, self._config), TickSink()
-        if bare:
-            loops = tuple(dataclasses.replace(loop, schedule=(), port_outputs=()) for loop in loops)
+        loops, sink = self._bare if bare else assemble(self._robot, self._config), TickSink()
         start_ns = time.monotonic_ns() + START_AFTER_NS
         ports = {}
         for topic, (period_ns, record, signal) in self._inputs.items():

@@ -59,6 +59,11 @@ class Processes:
         self._running[name] = process
         return process
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of those that were started and not stopped."""
+        return tuple(self._running)
+
     def pid(self, name: str) -> int:
         """Process id of one of them."""
         return self._running[name].pid
@@ -98,6 +103,10 @@ class Processes:
         for name, code in self.ended.items():
             raise ProcessError(f"the process {name} {how_it_ended(code)}")
 
+    def terminate(self, name: str) -> None:
+        """Tell one to end, and do not wait for it."""
+        self._running[name].terminate()
+
     def stop(self, name: str, within_s: float = STOP_WITHIN_S) -> int:
         """End one with SIGTERM, or with SIGKILL if that takes too long; returns its code."""
         process = self._running.pop(name)
@@ -119,7 +128,7 @@ class Processes:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for name in reversed(tuple(self._running)):
+        for name in reversed(self.names):
             self.stop(name)
 
 
