@@ -69,7 +69,7 @@ class Walk:
         self._seconds = STANDING_UP_S + seconds
         loops = assemble(log.robot, log.config)
         self.period_ns = loops[0].period_ns
-        self._bare = tuple(dataclasses.replace(loop, schedule=(), port_outputs=()) for loop in loops)
+        self._bare = tuple(dataclasses.replace(loop, schedule=(), port_outputs=(), last_outputs=()) for loop in loops)
         self._inputs = {
             record.topic: (loop.period_ns, record, log.read_signal(record.topic))
             for loop in loops
