@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -50,7 +50,11 @@ def stalls_of(log: Log, loop: str, least_ns: int) -> list[Stall]:
     topic = TICK_TOPIC_PREFIX + loop
     if topic not in log.channels:
         return []
-    ticks = log.read_signal(topic).values
+    return stalls_in(loop, log.read_signal(topic).values, least_ns)
+
+
+def stalls_in(loop: str, ticks: npt.NDArray[Any], least_ns: int) -> list[Stall]:
+    """As `stalls_of`, from the loop's ticks in their order."""
     kept_ns = ticks["wake_latency_ns"] + ticks["compute_ns"] - ticks["cpu_ns"]
     caught_up = ticks["skipped"] == 0
     caught_up[:1] = True

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.recording.errors import LogError
 from runtime.recording.log import Log, Signal
-from runtime.recording.stalls import Stall, stalls_of
+from runtime.recording.stalls import Stall, stalls_in
 from runtime.robots import topics
 
 FAST, LOOPS = "wbc", ("wbc", "mpc", "link", "sim")
@@ -35,12 +35,15 @@ class LiveLogs:
     def __init__(self, directory: Path, wanted: Collection[str], least_ns: int) -> None:
         found = [log for log in map(_opened, directory.iterdir()) if log is not None]
         self.bags = sorted(found, key=lambda log: log.start_ns)
-        self.stalls = [stall for log in self.bags for loop in LOOPS for stall in stalls_of(log, loop, least_ns)]
-        read = {topics.SAFETY, topics.GAIT, topics.JOINT_COMMAND_SAFE, topics.CAN_SENT, TICK_TOPIC_PREFIX + FAST}
+        self.stalls: list[Stall] = []
+        ticks = {TICK_TOPIC_PREFIX + loop: loop for loop in LOOPS}
+        read = {topics.SAFETY, topics.GAIT, topics.JOINT_COMMAND_SAFE, topics.CAN_SENT, *ticks}
         parts: dict[str, list[Signal]] = {topic: [] for topic in read | set(wanted)}
         for log in self.bags:
             for topic, signal in log.read_signals(sorted(parts.keys() & log.channels.keys())).items():
                 parts[topic].append(signal)
+                if topic in ticks:
+                    self.stalls += stalls_in(ticks[topic], signal.values, least_ns)
         self._signals = {
             topic: Signal(
                 np.concatenate([part.log_ns for part in signals]), np.concatenate([part.values for part in signals])
