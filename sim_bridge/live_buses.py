@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,14 +26,24 @@ class Buses(NamedTuple):
     note: str
 
 
+MakeBuses = Callable[[int, Path], AbstractContextManager[Buses]]
+"""Makes so many buses for as long as it is entered; what they need of files is in the runtime directory."""
+
+
 @contextmanager
 def live_buses(count: int, directory: Path) -> Iterator[Buses]:
-    """So many buses for as long as this is entered; hubs have their files in the runtime directory."""
+    """Interfaces of the kernel, or else hubs."""
     with ExitStack() as stack:
         try:
             names = stack.enter_context(virtual_links(count))
             buses = Buses(SOCKETCAN, names, f"the buses are {', '.join(names)}, CAN interfaces of the kernel (vcan)")
         except LinkError as error:
-            channels = tuple(str(directory / f"can{bus}") for bus in range(count))
-            buses = Buses(UNIX, channels, f"the buses are sockets, since here no CAN interface can be made ({error})")
+            note = f"the buses are sockets, since here no CAN interface can be made ({error})"
+            buses = stack.enter_context(hub_buses(count, directory))._replace(note=note)
         yield buses
+
+
+@contextmanager
+def hub_buses(count: int, directory: Path) -> Iterator[Buses]:
+    """Hubs, also where the kernel has interfaces: their owner can break them."""
+    yield Buses(UNIX, tuple(str(directory / f"can{bus}") for bus in range(count)), "the buses are sockets")

@@ -18,7 +18,7 @@ from runtime.configuration import dump
 from runtime.executors.processes import ProcessError, Processes, how_it_ended
 from runtime.robots import load_configuration
 from runtime.robots.uslgo1.config import Uslgo1Config
-from sim_bridge.live_buses import live_buses
+from sim_bridge.live_buses import MakeBuses, live_buses
 from sim_bridge.process import Task
 from sim_bridge.run import chosen_scenario, packed
 
@@ -26,15 +26,18 @@ STOP_ORDER = ("control", "sim", "link", "recorder")
 
 
 @contextmanager
-def wired(robot: str, chosen: Mapping[str, str], directory: Path) -> Iterator[tuple[Uslgo1Config, str]]:
+def wired(
+    robot: str, chosen: Mapping[str, str], directory: Path, make: MakeBuses = live_buses
+) -> Iterator[tuple[Uslgo1Config, str]]:
     """The configuration of a robot on buses made for one run, its link with a port of its own; and what the buses are.
 
     Args:
         robot: its name.
         chosen: overrides of its configuration.
         directory: runtime directory.
+        make: makes the buses.
     """
-    with live_buses(load_configuration(robot, chosen).drives.buses, directory) as buses:
+    with make(load_configuration(robot, chosen).drives.buses, directory) as buses:
         wiring = {
             "drives.interface": buses.interface,
             "drives.channels": json.dumps(buses.channels),

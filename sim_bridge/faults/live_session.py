@@ -23,6 +23,7 @@ from sim_bridge.faults.live_table import LiveRow
 from sim_bridge.faults.relay import Relay
 from sim_bridge.faults.stage import Stage
 from sim_bridge.live_answers import LiveAnswers
+from sim_bridge.live_buses import hub_buses
 from sim_bridge.live_processes import LiveProcesses, wired
 from sim_bridge.process import Task
 
@@ -79,14 +80,13 @@ def play(rows: Sequence[LiveRow], seed: int, logs: Path, has_disk: bool, told: C
         seed: of the phases of the gait, and of what the faults leave to chance.
         logs: directory for the bags.
         has_disk: whether that is a disk of its own.
-        told: told what the buses are, the name of each fault that was tried, and why the rest was not.
+        told: told the name of each fault that was tried, and why the rest was not.
 
     Raises:
         ProcessError: if a process ends that is not to.
     """
     episodes: list[Episode] = []
-    with runtime_directory() as directory, wired(ROBOT, {}, directory) as (config, buses):
-        told(buses)
+    with runtime_directory() as directory, wired(ROBOT, {}, directory, hub_buses) as (config, _):
         port = int(config.link.listen[0].rpartition(":")[2])
         with Relay(port) as relay:
             task = Task("", SCENARIO, seed, str(directory), duration_s=1e6, injects=True)
