@@ -87,8 +87,6 @@ def run_faults(phases: int) -> int:
 
 def run_live_faults(phases: int, only: str, out: Path | None) -> int:
     """Try the faults in real time and print the table; 1 if anything is not as it is to be, or was not shown."""
-    import tempfile
-
     from runtime.cli.console import print_table, progress_bar
     from sim_bridge.faults.live_campaign import campaign
     from sim_bridge.faults.live_table import LIVE_ROWS
@@ -97,13 +95,13 @@ def run_live_faults(phases: int, only: str, out: Path | None) -> int:
     if not rows:
         raise UsageError("ugv experiment: " + unknown("fault", only, [row.name for row in LIVE_ROWS]))
     tried: list[str] = []
-    with tempfile.TemporaryDirectory(prefix="ugv-faults-") as passing, progress_bar("faults") as progress:
+    with progress_bar("faults") as progress:
 
         def told(what: str) -> None:
             tried.append(what)
             progress(len(tried), max(len(rows) * phases, len(tried) + 1))
 
-        done = campaign(rows, phases, 0, out or Path(passing), told)
+        done = campaign(rows, phases, 0, out, told)
     title = f"Faults in real time, each at {phases} random phase{'' if phases == 1 else 's'} of the trot"
     print_table(title, LIVE_HEADER, [_live_row(row.name, done) for row in rows])
     wrong = 0

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -34,14 +36,16 @@ class Campaign(NamedTuple):
         return [verdict for verdict in self.verdicts[name] if not verdict.shows_nothing]
 
 
-def campaign(rows: Sequence[LiveRow], phases: int, seed: int, out: Path, told: Callable[[str], None]) -> Campaign:
+def campaign(
+    rows: Sequence[LiveRow], phases: int, seed: int, out: Path | None, told: Callable[[str], None]
+) -> Campaign:
     """Try every fault at some phases of the gait.
 
     Args:
         rows: the faults.
         phases: trials of each that show something.
         seed: of the phases, and of what the faults leave to chance.
-        out: directory in which each robot's logs have one of their own.
+        out: directory in which each robot's logs are kept, if they are to be.
         told: told each trial as it is done.
     """
     done = Campaign({row.name: [] for row in rows}, {}, [])
@@ -49,10 +53,13 @@ def campaign(rows: Sequence[LiveRow], phases: int, seed: int, out: Path, told: C
         left = [row for row in rows if row.name not in done.untried and len(done.shown(row.name)) < phases]
         if not left:
             break
-        logs = out / f"robot-{session}"
-        logs.mkdir(parents=True)
-        with disk(logs) as has_disk:
-            _session(left, seed + session, logs, has_disk, told, done)
+        with tempfile.TemporaryDirectory(prefix="ugv-faults-") as passing:
+            logs = Path(passing) / f"robot-{session}"
+            logs.mkdir()
+            with disk(logs) as has_disk:
+                _session(left, seed + session, logs, has_disk, told, done)
+                if out is not None:
+                    shutil.copytree(logs, out / logs.name)
     return done
 
 

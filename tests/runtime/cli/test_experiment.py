@@ -15,6 +15,8 @@ from runtime.cli.bench import dense_inference, percentiles
 from runtime.cli.experiment import BASELINE, S_CURVE, average
 from runtime.cli.experiment_faults import Outcome
 from runtime.tracking.fuzzy import infer
+from sim_bridge.faults.live_campaign import Campaign
+from sim_bridge.faults.live_judge import Verdict
 
 
 def summary_of(job: Job, completed: bool = True) -> dict[str, Any]:
@@ -92,3 +94,43 @@ def test_faults_are_printed_beside_their_answers_and_a_difference_fails(
     assert "fault 3" in out
     assert ("fault 3, seed 1: answer is walk on" in out) == bool(flaws)
     assert out.count("DIFFERS") == len(flaws)
+
+
+def verdict_of(name: str, flaws: tuple[str, ...] = (), stall_ms: float = 0.0) -> Verdict:
+    """A trial in real time."""
+    return Verdict(name, ("damp",), ("damp",), 30.0, 12.0, True, flaws, stall_ms)
+
+
+@pytest.mark.parametrize(
+    ("trials", "judgement", "code"),
+    [
+        ([verdict_of("link killed")], "as expected", 0),
+        ([verdict_of("link killed", ("it fell",), 40.0), verdict_of("link killed")], "as expected", 0),
+        ([verdict_of("link killed", ("it fell",))], "DIFFERS", 1),
+        ([verdict_of("link killed", ("it fell",), 40.0)], "NOT SHOWN", 1),
+    ],
+)
+def test_faults_in_real_time_that_only_a_stall_explains_show_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    trials: list[Verdict],
+    judgement: str,
+    code: int,
+) -> None:
+    asked: list[Any] = []
+
+    def campaign(rows: Sequence[Any], phases: int, seed: int, out: Any, told: Any) -> Campaign:
+        asked.extend(row.name for row in rows)
+        return Campaign({row.name: trials for row in rows}, {}, [])
+
+    monkeypatch.setattr("sim_bridge.faults.live_campaign.campaign", campaign)
+    assert cli.main(["experiment", "faults", "--realtime", "--only", "link killed"]) == code
+    assert asked == ["link killed"]
+    out = capsys.readouterr().out
+    assert judgement in out
+    assert ("a stall of 40 ms" in out) == any(trial.stall_ms for trial in trials)
+
+
+def test_a_fault_that_there_is_none_of_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["experiment", "faults", "--realtime", "--only", "flood of tears"]) == 2
+    assert "flood of tears" in capsys.readouterr().err

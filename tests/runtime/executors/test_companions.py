@@ -43,4 +43,4 @@ def test_no_companion_runs_between_the_control_loops():
 
     config = load_configuration("uslgo1")
     lowest = min(config.loops.wbc_priority, config.loops.mpc_priority)
-    assert config.realtime.link_priority < SIM.priority < lowest
+    assert config.realtime.recorder_priority < config.realtime.link_priority < SIM.priority < lowest
