@@ -29,6 +29,7 @@ from sim_bridge.faults.injector import SILENT, Order
 from sim_bridge.faults.live_judge import LOST_MAX_NS, STALL_NS, moved_unarmed
 from sim_bridge.faults.live_logs import LiveLogs
 from sim_bridge.live_answers import LiveAnswers
+from sim_bridge.live_buses import hub_buses
 from sim_bridge.live_processes import LiveProcesses, wired
 from sim_bridge.process import Task
 
@@ -99,8 +100,7 @@ class Arena:
 def campaign(victims: Sequence[str], seed: int, out: Path) -> list[str]:
     """Kill one process after the other, then judge the logs; returns what was not as it must be."""
     kills, wrong = [], []
-    with runtime_directory() as directory, wired(ROBOT, {}, directory) as (config, buses):
-        print(buses)
+    with runtime_directory() as directory, wired(ROBOT, {}, directory, hub_buses) as (config, _):
         task = Task("", SCENARIO, seed, str(directory), duration_s=1e6, injects=True)
         with LiveProcesses(config, task, out) as live:
             arena = Arena(live, seed)
