@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +23,8 @@ from sim_bridge.live_buses import live_buses
 from sim_bridge.live_run import run_live
 from sim_bridge.virtual_links import remove_orphaned_links
 
-BUSES, WORLD_TIME_S = 4, 0.3
+BUSES, WORLD_TIME_S = 4, 3.0
+GUEST = "User Mode Linux" in Path("/proc/cpuinfo").read_text()
 HOLDER = """
 from sim_bridge.virtual_links import virtual_links
 with virtual_links(2) as names:
@@ -121,11 +123,11 @@ def test_if_one_cannot_be_made_none_is_left(tmp_path, monkeypatch):
     remove_orphaned_links()
 
 
-@pytest.mark.timeout(1500)
+@pytest.mark.skipif(
+    GUEST, reason="in a guest the loops take ten times as long as they have: run it where the kernel has CAN"
+)
 def test_the_processes_of_a_run_speak_over_them(tmp_path, capsys):
-    """In a guest only the beginning of one: there the loops take ten times as long as they have."""
     before = interfaces()
-    subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
     summary = run_live("uslgo1", "stand", until_s=WORLD_TIME_S, out=tmp_path)
     assert "(vcan)" in capsys.readouterr().err
     assert summary["sim_time_s"] >= WORLD_TIME_S
