@@ -17,11 +17,14 @@ from runtime.executors.collector import collector_paused
 from runtime.executors.companions import CompanionTicks
 from runtime.executors.linux import Alarm
 from runtime.executors.loop_run import InputPort
+from runtime.executors.switch_interval import switch_interval
 from runtime.records import Record
 from sim_bridge.quadruped_world import QuadrupedWorld
 
 START_AFTER_NS = 5_000_000
 POLL_NS = 1_000_000
+SWITCH_INTERVAL_US = 100
+"""A world that is late never sleeps, and the thread that sends the sensors' samples must not wait long for its turn."""
 LONGEST_LAG_NS = 20_000_000
 """A world that is later than this stands still for the rest: a slow computer must not leave it behind for good."""
 
@@ -71,7 +74,7 @@ class LiveWorld:
     def run(self, over: Callable[[int], bool]) -> int:
         """Wait for the first frame, then run until `over(world time)`; returns the world time reached."""
         alarm = Alarm()
-        with collector_paused():
+        with collector_paused(), switch_interval(SWITCH_INTERVAL_US):
             self._wait(alarm, over)
             self.start_ns = time.monotonic_ns() + START_AFTER_NS
             ticks, now_ns, latency_ns, longest_ns = self._ticks(self.start_ns), 0, 0, 0

@@ -161,13 +161,14 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
             if now_ns % SAMPLE_NS:
                 return False
             mirror.update()
-            if not times and (part.over(now_ns) or stop):
+            if not times and part.over(now_ns):
                 times.update(_times(live, now_ns))
                 _answer(over=True)
             return bool(stop)
 
         _answer(ready=True, refused=refused)
-        live.run(ended)
+        reached_ns = live.run(ended)
+        times = times or _times(live, reached_ns)
     return {**part.outcome(), **times}
 
 

@@ -67,7 +67,7 @@ def test_frames_go_both_ways_on_each(tmp_path, until):
             )
             assert arrived == [command.tobytes(), bytes([index])]
             far.send(End.DEVICE, np.array([index], np.uint8), reply, 0)
-            assert until(lambda bus=bus: bus.receive(2, 0)[0], "a reply") == [reply.tobytes()]
+            assert until(lambda bus=bus: bus.receive(2, 0)[0], "a reply") == reply.tobytes()
         for end in (far, *near):
             end.close()
 

@@ -2,12 +2,14 @@
 """USLGO1 walks a few steps in thought, so that what is compiled or loaded at first use is there before it counts.
 
 The loops are stepped on made-up inputs: the joints stand still in the standing posture, the IMU feels gravity, and the
-operator has the robot stand up and walk. No frame leaves, and nothing that the real loops remember is touched.
+operator has the robot stand up and walk, on ground so slippery that the forces meet their bounds, or what searches
+among these would first be used when it counts. No frame leaves, and nothing that the real loops remember is touched.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from msgspec.structs import replace
 
 from runtime.models.rigid_body import GRAVITY
 from runtime.records import Record
@@ -20,11 +22,15 @@ BEGIN_NS = 1_000_000_000
 WALK_AFTER_NS, DURATION_NS = 600_000_000, 1_200_000_000
 """A robot that stands already is ready by then, and has taken steps with every leg by then."""
 SPEED_MPS, GOAL_M = 0.3, 10.0
+SLIPPERY = 0.02
+"""Friction coefficient."""
 
 
 def rehearse(config: Uslgo1Config) -> bool:
     """Step every loop for a while in virtual time; true if the robot came to walk."""
-    loops = assemble(config).loops
+    relaxation = replace(config.whole_body.relaxation, friction=SLIPPERY)
+    whole_body = replace(config.whole_body, relaxation=relaxation)
+    loops = assemble(replace(config, whole_body=whole_body)).loops
     scene = _Scene(config)
     written = {record.topic: record for loop in loops for record in loop.writes}
     modes = [record for record in written.values() if isinstance(record, SafetyStatus)]

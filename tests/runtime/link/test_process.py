@@ -254,14 +254,14 @@ def test_the_link_is_part_of_the_ros_graph(link, until, inbox_type):
 def test_the_link_s_own_ticks_and_status_are_logged(link, until):
     loop = link_loop(link.setup.config, link.setup.priority)
     manifest, (status,) = manifest_of((*link.setup.loops, loop)), loop.port_inputs
-    tick, recorder = tick_record(loop), TickListener(link.directory / RECORDER_SOCKET)
+    tick, recorder, before = tick_record(loop), TickListener(link.directory / RECORDER_SOCKET), -1
     try:
         for _ in range(2):
             (channel, body), *_ = entries(recorder.receive(30.0))
             assert channel == manifest.of_topic("/ugv/tick/link").number
-            before = tick.index
             tick.load(body)
             assert tick.index > before
+            before = tick.index
         assert tick.wake_latency_ns >= 0
         with link.peer() as peer:
             motion = peer.publisher("/operator/motion", definitions.STRING)
