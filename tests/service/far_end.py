@@ -81,7 +81,7 @@ def main(configuration: str, directory: Path) -> None:
         ros = stack.enter_context(RosOutlet(config.link))
         world = world_of(config, course, course.terrain(0), wires, 0)
         operator = Operator(course, config.posture.rise_s)
-        sources = sources_of(world, operator, ScriptedPath(course), config, ros, directory)
+        sources = sources_of(world, operator, ScriptedPath(course), config, ros, ros, directory)
         loops = (*assemble(config).loops, link_loop(config.link, config.realtime.link_priority))
         ticks = partial(CompanionTicks, loops, SIM, TickStream(directory / RECORDER_SOCKET))
         print("ready", flush=True)
