@@ -48,7 +48,7 @@ def facts(process: str) -> dict:
         "arguments": sys.argv[1:],
         "user": os.getuid(),
         "capabilities": int(status["CapEff"], 16) | int(status["CapBnd"], 16),
-        "fifo": [priority for priority in (40, 60, 80, 90, 91) if not in_a_thread(run_first, priority)],
+        "fifo": [priority for priority in (20, 40, 60, 80, 90, 91) if not in_a_thread(run_first, priority)],
         "memory": lock_memory(),
         "cores": resource.getrlimit(resource.RLIMIT_CORE)[0],
         "families": [name for name in FAMILIES if allowed(lambda name=name: open_socket(name))],

@@ -135,13 +135,13 @@ def test_each_process_may_do_what_it_needs_and_nothing_else(running):
     }
 
 
-def test_the_limits_let_only_control_and_link_run_first_and_lock_memory(real_time_by_limits, probe):
+def test_the_limits_let_each_run_first_as_far_as_it_needs_and_two_lock_memory(real_time_by_limits, probe):
     facts = start(probe)
-    priorities = [40, 60, 80, 90] if real_time_by_limits else [40, 60, 80, 90, 91]
+    priorities = [20, 40, 60, 80, 90] if real_time_by_limits else [20, 40, 60, 80, 90, 91]
     assert {name: found["fifo"] for name, found in facts.items()} == {
         "control": priorities,
         "link": priorities,
-        "recorder": [],
+        "recorder": [20] if real_time_by_limits else [],
     }
     assert [facts[name]["memory"] for name in ("control", "link")] == ["", ""]
     for name in ("control", "link"):
