@@ -25,8 +25,9 @@ START_AFTER_NS = 5_000_000
 POLL_NS = 1_000_000
 SWITCH_INTERVAL_US = 100
 """A world that is late never sleeps, and the thread that sends the sensors' samples must not wait long for its turn."""
-LONGEST_LAG_NS = 20_000_000
-"""A world that is later than this stands still for the rest: a slow computer must not leave it behind for good."""
+LONGEST_LAG_NS = 5_000_000
+"""A world that is later than this stands still for the rest: a slow computer must not leave it behind for good, nor its
+samples be too old when they are taken."""
 
 
 class Outlet(Protocol):
