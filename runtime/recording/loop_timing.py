@@ -16,6 +16,7 @@ from runtime.recording.errors import LogError
 from runtime.recording.log import Log, Signal
 
 BODY_STATE, IMU_AGE = "/ugv/body_state", "imu_age_ns"
+_OF_A_TICK = ("index", "release_ns", "now_ns", "skipped", "late", "wake_latency_ns", "compute_ns")
 
 
 class DescribedLoop(NamedTuple):
@@ -105,9 +106,17 @@ def described_loops(log: Log) -> list[DescribedLoop]:
 
 
 def read_loop_times(log: Log) -> list[LoopTimes]:
-    """The times of every loop that the log describes and has ticks of."""
+    """The times of every loop that the log describes and has ticks of.
+
+    Raises:
+        LogError: if what the log holds as ticks are none.
+    """
     loops = [loop for loop in described_loops(log) if TICK_TOPIC_PREFIX + loop.name in log.channels]
     signals = log.read_signals([TICK_TOPIC_PREFIX + loop.name for loop in loops])
+    for topic, signal in signals.items():
+        for name in _OF_A_TICK:
+            if not _has_numbers(signal, name):
+                raise LogError(f"{log.path}: {topic} has no whole number {name} in each of its messages")
     return [loop_times(loop, signals[TICK_TOPIC_PREFIX + loop.name], log.origin_ns) for loop in loops]
 
 
@@ -152,8 +161,16 @@ def imu_age(log: Log) -> Percentiles | None:
     """Age of the inertial samples at the ticks that used them; None if the log does not hold it."""
     if BODY_STATE not in log.channels or IMU_AGE not in dict(layout.fields_of(log.channels[BODY_STATE].definition)):
         return None
-    values = log.read_signal(BODY_STATE).values
-    return percentiles(values[IMU_AGE][values["stamp_ns"] > 0])
+    signal = log.read_signal(BODY_STATE)
+    if not (_has_numbers(signal, IMU_AGE) and _has_numbers(signal, "stamp_ns")):
+        return None
+    return percentiles(signal.values[IMU_AGE][signal.values["stamp_ns"] > 0])
+
+
+def _has_numbers(signal: Signal, field: str) -> bool:
+    """Whether each value of a signal has one whole number of a name."""
+    dtype = signal.values.dtype
+    return field in (dtype.names or ()) and dtype[field].kind in "iu"
 
 
 def _gaps(loop: str, rows: npt.NDArray[np.void], origin_ns: int) -> tuple[Gap, ...]:

@@ -16,6 +16,7 @@ from runtime.recording.bags import Bags
 from runtime.recording.beginning import beginning, clock_changes
 from runtime.recording.clocks import ClockReading, ClockWatch
 from runtime.recording.continuity import Continuity
+from runtime.recording.errors import LogError
 from runtime.recording.log import Log, Signal
 from runtime.recording.loop_timing import DescribedLoop, loop_times, read_loop_times
 from runtime.recording.recorder_status import RecorderStatus
@@ -131,6 +132,20 @@ def test_times_of_a_live_log_count_from_its_beginning(toy, live_log):
     result = Replay(log, toy.loops(), "toy").run(from_s=0.2)
     assert result.stretches
     assert all(0 <= s.begin_ns < s.end_ns < 500_000_000 for s in result.stretches)
+
+
+@pytest.mark.parametrize("field", ["release_ns", "skipped"])
+def test_a_log_whose_ticks_lack_a_field_is_refused(live_log, monkeypatch, field):
+    log = Log(live_log)
+    read = log.read_signals
+
+    def lacking(topics):
+        left = {topic: [name for name in s.values.dtype.names if name != field] for topic, s in read(topics).items()}
+        return {topic: Signal(s.log_ns, s.values[left[topic]]) for topic, s in read(topics).items()}
+
+    monkeypatch.setattr(log, "read_signals", lacking)
+    with pytest.raises(LogError, match=f"has no whole number {field} in each of its messages"):
+        read_loop_times(log)
 
 
 def test_a_live_log_says_when_and_why_it_begins(live_log):
