@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from runtime.link.loop import STATUS
+from runtime.link.topics import TAKEN
 from runtime.recording.log import Log
 from runtime.recording.replay import Replay
 from runtime.robots import assemble
@@ -50,10 +52,14 @@ def test_every_recorded_tick_replays_identically(directory):
 
 
 def test_the_log_holds_what_every_process_did(directory):
-    counts = Log(directory).counts()
-    for topic in ("/ugv/tick/wbc", "/ugv/tick/mpc", "/ugv/tick/link", "/ugv/tick/sim", "/ugv/imu", "/ugv/localization"):
+    log = Log(directory)
+    counts, rejected = log.counts(), log.read_signal(STATUS).values["rejected"][-1]
+    for topic in ("/ugv/tick/wbc", "/ugv/tick/mpc", "/ugv/tick/link", "/ugv/tick/sim"):
         assert counts[topic], topic
-    assert counts["/ugv/operator_event"] >= 3
+    for topic, message in (("/ugv/imu", "/imu/data"), ("/ugv/localization", "/localization/pose")):
+        assert counts[topic] or rejected[TAKEN.index(message)], f"{topic}: neither used nor counted as too old"
+    summary = json.loads((directory / "summary.json").read_text())
+    assert counts["/ugv/operator_event"] >= 3 or summary["fault"]
 
 
 def test_nothing_is_left_behind(directory):
