@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from runtime.executors.processes import ProcessError
@@ -55,6 +55,10 @@ class LiveAnswers:
         with self._news:
             self._news.wait_for(lambda: happened() or bool(self.ended), within_s)
             return happened()
+
+    def wait_for_more(self, told: Sequence[Any], before: int, within_s: float) -> bool:
+        """Wait until more was told than so many."""
+        return self.wait(lambda: len(told) > before, within_s)
 
     def rest(self, duration_s: float) -> None:
         """Let time pass, unless the run ends."""

@@ -93,6 +93,16 @@ class LiveProcesses:
         """Start control, link or recorder."""
         self.processes.start(name, [*self._ugv, name])
 
+    def restart(self, name: str) -> None:
+        """Do what a service manager does about control, link or recorder that died; all but control are then ready.
+
+        Control is ready when it keeps time: that is for the robot's state to tell.
+        """
+        self.processes.stop(name)
+        self.start(name)
+        if name != "control":
+            self.processes.wait_ready(name)
+
     def start_simulator(self) -> None:
         """Start the simulator, and wait until it is ready."""
         simulator = self.processes.start("sim", [sys.executable, "-m", "sim_bridge.process"], piped=True)

@@ -20,14 +20,12 @@ from runtime.executors.runtime_directory import runtime_directory
 from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.recording.log import Log
 from runtime.recording.run_data import BODY_STATE
-from runtime.recording.stalls import fault_events
+from runtime.recording.stalls import STALL_NS, fault_events
 from sim_bridge.live_processes import LiveProcesses, wired
 from sim_bridge.observer import Progress
 from sim_bridge.process import Task
 
 SETTLED_S = 120.0
-STALL_NS = 5_000_000
-"""Shorter stalls are within the bounds of every input."""
 
 
 def run_live(

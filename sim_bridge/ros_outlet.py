@@ -43,7 +43,7 @@ class RosOutlet:
 
     def __init__(self, config: LinkConfig, node: str = "ugv_sim") -> None:
         self._session = RosSession(node, config.domain_id, session_config((), config.listen), config.type_hashes)
-        self._publishers = {topic: self._publisher(topic, name) for topic, name in _TYPES.items()}
+        self._publishers = {topic: self._publisher(topic, name) for topic, name in TYPES.items()}
         imu, pose, battery = ImuMessage(config.imu_frame), PoseStampedMessage(config.odom_frame), BatteryMessage()
         self._path = PathMessage(config.odom_frame)
         self._encoders: dict[type[Record], Callable[[Any], Sequence[Message]]] = {
@@ -119,7 +119,7 @@ def operator_message(event: OperatorEvent) -> Message:
     return plain[request], standard.encode_empty()
 
 
-_TYPES = {
+TYPES = {
     ros.IMU: definitions.IMU,
     ros.LOCALIZATION: definitions.POSE_STAMPED,
     ros.BATTERY: definitions.BATTERY_STATE,
@@ -132,3 +132,4 @@ _TYPES = {
     ros.RESET: definitions.EMPTY,
     ros.RELEASE: definitions.EMPTY,
 }
+"""Of the topics by which sensors and operator speak."""

@@ -66,7 +66,6 @@ class Bags:
             for tick in setup.channels
             if tick.role == "tick"
         }
-        self._no_sizes: dict[int, int] = {}
         self._ticks = {spec.number: Tick(spec.topic, spec.sizes) for spec in setup.channels if spec.role == "tick"}
         self._loop_of = {spec.number: spec.loop for spec in setup.channels}
         prepare(setup)
@@ -145,14 +144,14 @@ class Bags:
     def _tick_number(self, datagram: bytes) -> int | None:
         """Number of the tick channel of a datagram, whose record is loaded; None if the datagram is none of ours."""
         unpack, size, position = ENTRY.unpack_from, len(datagram), 0
-        first, sizes = -1, self._no_sizes
+        first, sizes = -1, dict[int, int]()
         while position < size:
             try:
                 number, length = unpack(datagram, position)
             except struct.error:
                 return None
             if not position:
-                first, sizes = number, self._sizes.get(number, self._no_sizes)
+                first, sizes = number, self._sizes.get(number, {})
             if sizes.get(number) != length:
                 return None
             position += ENTRY.size + length

@@ -13,6 +13,8 @@ from runtime.recording import run_data
 from runtime.recording.log import Log
 from runtime.signals import Fault, Mode
 
+STALL_NS = 5_000_000
+"""Shorter stalls are within the bounds of every input."""
 LOOKBACK_NS = 250_000_000
 """How long before a fault its cause is looked for, beyond the bound itself."""
 

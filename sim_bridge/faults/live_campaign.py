@@ -9,8 +9,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from runtime.recording.stalls import STALL_NS
 from runtime.robots import load_configuration
-from sim_bridge.faults.live_judge import STALL_NS, Verdict, judged, moved_unarmed
+from sim_bridge.faults.live_judge import Verdict, judged, moved_unarmed
 from sim_bridge.faults.live_logs import LiveLogs
 from sim_bridge.faults.live_session import ROBOT, disk, play
 from sim_bridge.faults.live_table import LiveRow

@@ -21,8 +21,6 @@ from sim_bridge.faults.live_session import Episode, Frames
 from sim_bridge.faults.live_table import LiveRow
 from sim_bridge.faults.wires import FOREVER_NS
 
-STALL_NS = 5_000_000
-"""Shorter stalls are within the bounds of every input."""
 LOST_MAX_NS = 20_000_000
 """Of the log, up to a fault."""
 WHOLE_NS = 400_000_000

@@ -9,7 +9,6 @@ import random
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -97,7 +96,7 @@ def play(rows: Sequence[LiveRow], seed: int, logs: Path, has_disk: bool, told: C
                 for row in rows:
                     struck = len(answers.struck)
                     live.order(Order(row.name, seed, row.lasts_ns))
-                    if not answers.wait(partial(_grown, answers.struck, struck), WALKS_WITHIN_S):
+                    if not answers.wait_for_more(answers.struck, struck, WALKS_WITHIN_S):
                         told(f"{row.name}: {answers.ended or f'the robot did not walk within {WALKS_WITHIN_S:g} s'}")
                         break
                     try:
@@ -122,16 +121,12 @@ def _episode(row: LiveRow, stage: Stage, answers: LiveAnswers, directory: Path) 
     answers.rest(row.after_ns * 1e-9)
     count = len(answers.seen)
     stage.live.order(Order(None))
-    if not answers.wait(partial(_grown, answers.seen, count), TELLS_WITHIN_S):
+    if not answers.wait_for_more(answers.seen, count, TELLS_WITHIN_S):
         raise ProcessError(f"{row.name}: the simulator does not say what it saw")
     seen = answers.seen[-1]
     with np.load(directory / FRAMES_FILE) as kept:
         frames = Frames(kept["arrival_ns"], kept["bus"], kept["raw"].reshape(-1, 16))
     return Episode(row, at_ns, mended_ns, time.monotonic_ns(), frames=frames, recorder=status, **seen)
-
-
-def _grown(told: Sequence[Any], before: int) -> bool:
-    return len(told) > before
 
 
 @contextmanager

@@ -34,7 +34,6 @@ CARRIED_NS = 30 * MS
 """What the way through link and simulator may take, each with a period of 10 ms, beside the bound of virtual time."""
 LINGER_NS = 500 * MS
 """How long to go on watching after the last answer is due."""
-EVERYONE = stage.EVERYONE
 REJECTED_MESSAGES = (STATUS, "rejected")
 
 
@@ -246,8 +245,8 @@ LIVE_ROWS = (
         "suspended for 1 s",
         DAMP,
         lambda config: 1000 * MS + crouched(imu_stale)(config) + CARRIED_NS,
-        act=stopped(*EVERYONE),
-        mend=continued(*EVERYONE),
+        act=stopped(*stage.EVERYONE),
+        mend=continued(*stage.EVERYONE),
         lasts_ns=1000 * MS,
         after_ns=1500 * MS,
         before=("crouch",),

@@ -18,6 +18,7 @@ from runtime.messages.keys import DEFAULT_QUALITY
 from runtime.messages.session import RosSession, session_config
 from runtime.robots.uslgo1.config import Uslgo1Config
 from sim_bridge.faults.relay import Relay
+from sim_bridge.ros_outlet import TYPES
 
 if TYPE_CHECKING:  # the simulator, which these processes start, looks up faults too
     from sim_bridge.live_processes import LiveProcesses
@@ -28,15 +29,8 @@ MALFORMED = 20
 """Messages on each topic."""
 _FILLER = ".filler"
 _RECORDED_MEANWHILE_BYTES, _BLOCK_BYTES = 32 << 20, 64 << 10
-_TYPES = {
-    ros.IMU: definitions.IMU,
-    ros.LOCALIZATION: definitions.POSE_STAMPED,
-    ros.BATTERY: definitions.BATTERY_STATE,
-    ros.PATH: definitions.PATH,
-    ros.PATH_SPEED: definitions.FLOAT64,
-    ros.CMD_VEL: definitions.TWIST,
-    ros.MOTION: definitions.STRING,
-}
+_BABBLED = (ros.IMU, ros.LOCALIZATION, ros.BATTERY, ros.PATH, ros.PATH_SPEED, ros.CMD_VEL, ros.MOTION)
+"""Topics on which no few bytes are a request by chance."""
 _SENT = {
     ros.JOINT_STATES: definitions.JOINT_STATE,
     ros.ODOMETRY: definitions.ODOMETRY,
@@ -105,10 +99,7 @@ def started_again(name: str) -> Act:
 
     def act(stage: Stage) -> None:
         os.kill(stage.live.processes.pid(name), signal.SIGKILL)
-        stage.live.processes.stop(name)
-        stage.live.start(name)
-        if name != "control":  # which is ready when it keeps time; that is for the robot's state to tell
-            stage.live.processes.wait_ready(name)
+        stage.live.restart(name)
 
     return act
 
@@ -152,10 +143,11 @@ def flooded_by_subscribers(stage: Stage) -> None:
 
 
 def malformed_messages(stage: Stage) -> None:
-    """Somebody sends what cannot be read, on every topic."""
+    """Somebody sends what cannot be read, on many topics."""
     session = _session(stage, "babbler")
-    for topic, type_name in _TYPES.items():
-        publisher = session.publisher(topic, type_name, DEFAULT_QUALITY)
+    types = {**TYPES, ros.CMD_VEL: definitions.TWIST}
+    for topic in _BABBLED:
+        publisher = session.publisher(topic, types[topic], DEFAULT_QUALITY)
         for _ in range(MALFORMED):
             publisher.put(stage.chance.randbytes(stage.chance.randrange(200)))
 

@@ -23,10 +23,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from runtime.executors.runtime_directory import runtime_directory
+from runtime.recording.stalls import STALL_NS
 from runtime.robots import topics
 from runtime.signals import Mode
 from sim_bridge.faults.injector import SILENT, Order
-from sim_bridge.faults.live_judge import LOST_MAX_NS, STALL_NS, moved_unarmed
+from sim_bridge.faults.live_judge import LOST_MAX_NS, moved_unarmed
 from sim_bridge.faults.live_logs import LiveLogs
 from sim_bridge.live_answers import LiveAnswers
 from sim_bridge.live_buses import hub_buses
@@ -63,14 +64,14 @@ class Arena:
         """Wait until the robot walks."""
         struck = len(self._answers.struck)
         self._live.order(Order("", self._seed))
-        return self._answers.wait(lambda: len(self._answers.struck) > struck, WALKS_WITHIN_S)
+        return self._answers.wait_for_more(self._answers.struck, struck, WALKS_WITHIN_S)
 
     def strike(self, victim: str) -> Kill | None:
         """Kill one process of the robot as soon as it walks, at a random phase; None if it never walks."""
         struck, seen = len(self._answers.struck), len(self._answers.seen)
         self._kills += 1
         self._live.order(Order(victim, self._seed + self._kills))
-        if not self._answers.wait(lambda: len(self._answers.struck) > struck, WALKS_WITHIN_S):
+        if not self._answers.wait_for_more(self._answers.struck, struck, WALKS_WITHIN_S):
             return None
         at_ns = time.monotonic_ns()
         os.kill(self._live.processes.pid(victim), signal.SIGKILL)
@@ -82,12 +83,9 @@ class Arena:
         findings = []
         if not self._answers.wait(lambda: self._answers.state in EXPECTED[victim], ANSWERS_WITHIN_S):
             findings.append(f"the robot is {self._answers.state}")
-        self._live.processes.stop(victim)
-        self._live.start(victim)
-        if victim != "control":
-            self._live.processes.wait_ready(victim)
+        self._live.restart(victim)
         self._live.order(Order(None))
-        if self._answers.wait(lambda: len(self._answers.seen) > seen, ANSWERS_WITHIN_S):
+        if self._answers.wait_for_more(self._answers.seen, seen, ANSWERS_WITHIN_S):
             witnessed = self._answers.seen[-1]
             findings += ["a joint passed its limits"] * (not witnessed["joints_kept"])
             findings += ["the robot fell before it was damped"] * witnessed["fell"]

@@ -156,7 +156,10 @@ def test_frames_go_out_in_order_whatever_the_last_batch_was(wires):
 
 
 class Rival:
-    """A thread that counts whenever it is let run: with so long a switch interval, when another thread waits."""
+    """A thread that counts whenever it is let run: with so long a switch interval, when another thread waits.
+
+    `time.sleep(0)` passes no time: it gives the interpreter up.
+    """
 
     def __enter__(self):
         self._interval_s, self._stop, self.counted = sys.getswitchinterval(), False, 0
