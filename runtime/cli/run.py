@@ -90,7 +90,7 @@ def _control(options: argparse.Namespace) -> int:
         options.runtime_dir,
         config.drives.command_age_max_ns,
         config.realtime.control_processors,
-        config.realtime.switch_interval_us,
+        config.realtime.control_switch_interval_us,
     )
     for sentence in refused:
         print(f"ugv run: {sentence}", file=sys.stderr)

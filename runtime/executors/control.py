@@ -16,7 +16,7 @@ from drivers.socket_ports import SocketReader, SocketWriter
 from runtime.executors.liveness import Liveness
 from runtime.executors.loop_run import InputPort
 from runtime.executors.notify import Notifier
-from runtime.executors.realtime import RealTime
+from runtime.executors.realtime import SWITCH_INTERVAL_US, RealTime
 from runtime.executors.shared_ports import EventPort, LatestPort
 from runtime.executors.tick_stream import LINK_SOCKET, OBSERVER_SOCKET, RECORDER_SOCKET, TickStream, TickStreams
 from runtime.robots import topics
@@ -36,7 +36,7 @@ def control(
     directory: Path,
     command_age_max_ns: int,
     processors: Collection[int] = (),
-    switch_interval_us: int = 100,
+    switch_interval_us: int = SWITCH_INTERVAL_US,
 ) -> list[str]:
     """Run a robot until SIGTERM or SIGINT.
 

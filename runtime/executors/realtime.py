@@ -26,9 +26,9 @@ from runtime.executors.tick import manifest_of
 from runtime.executors.timing import next_tick
 from runtime.tasks import Loop
 
-SWITCH_INTERVAL_US = 100
-"""How long a thread that wants the interpreter waits for one that computes; below 50 us, loops on one processor can
-starve each other for good."""
+SWITCH_INTERVAL_US = 500
+"""How long a loop that wants the interpreter waits for one that computes: longer than either keeps it without a pause,
+so that the fast one is not interrupted for the slow one; below 50 us they can starve each other for good."""
 START_AFTER_NS = 50_000_000
 """From the start to the first release, so that every thread is waiting by then."""
 

@@ -50,5 +50,5 @@ def link_setup(config: Uslgo1Config) -> LinkSetup:
         config.link,
         realtime.link_priority,
         realtime.link_processors,
-        realtime.switch_interval_us,
+        realtime.link_switch_interval_us,
     )
