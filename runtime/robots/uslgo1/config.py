@@ -98,7 +98,7 @@ class RealtimeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         control_processors, link_processors: numbers of the processors that they run on; empty for all.
         link_priority: of the link's threads.
         recorder_priority: of the recorder's threads, below all others; 0 for the normal one.
-        control_switch_interval_us: how long a loop that wants the interpreter waits for another one that computes; it is
+        control_switch_interval_us: how long a loop that wants the interpreter waits for another that computes; it is
             longer than a loop keeps it without a pause, so that the fast one is not interrupted for the slow one.
         link_switch_interval_us: the same for the link, whose threads are many and not all its own.
     """
