@@ -5,16 +5,17 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from runtime.recording.stalls import STALL_NS
 from runtime.robots import load_configuration
+from sim_bridge.faults import stage
 from sim_bridge.faults.live_judge import Verdict, judged, moved_unarmed
 from sim_bridge.faults.live_logs import LiveLogs
 from sim_bridge.faults.live_session import ROBOT, disk, play
-from sim_bridge.faults.live_table import LiveRow
+from sim_bridge.faults.live_table import LiveRow, Need
 
 TRIES = 5
 
@@ -58,19 +59,24 @@ def campaign(
             logs = Path(passing) / f"robot-{session}"
             logs.mkdir()
             with disk(logs) as has_disk:
-                _session(left, seed + session, logs, has_disk, told, done)
+                granted = {Need.DISK: has_disk, Need.CLOCK: stage.clock_may_be_set()}
+                _session(left, seed + session, logs, granted, told, done)
                 if out is not None:
                     shutil.copytree(logs, out / logs.name)
     return done
 
 
 def _session(
-    rows: Sequence[LiveRow], seed: int, logs: Path, has_disk: bool, told: Callable[[str], None], done: Campaign
+    rows: Sequence[LiveRow],
+    seed: int,
+    logs: Path,
+    granted: Mapping[Need, bool],
+    told: Callable[[str], None],
+    done: Campaign,
 ) -> None:
-    if not has_disk:
-        done.untried.update((row.name, "no disk of its own may be mounted here") for row in rows if row.needs_disk)
-    possible = [row for row in rows if has_disk or not row.needs_disk]
-    episodes = play(possible, seed, logs, has_disk, told)
+    done.untried.update((row.name, row.needs.value) for row in rows if row.needs and not granted[row.needs])
+    possible = [row for row in rows if row.name not in done.untried]
+    episodes = play(possible, seed, logs, told)
     config = load_configuration(ROBOT)
     read = LiveLogs(logs, {row.counted[0] for row in possible if row.counted is not None}, STALL_NS)
     for episode in episodes:

@@ -8,7 +8,7 @@ import os
 import random
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -71,14 +71,13 @@ class Episode(NamedTuple):
     recorder: RecorderStatus | None
 
 
-def play(rows: Sequence[LiveRow], seed: int, logs: Path, has_disk: bool, told: Callable[[str], None]) -> list[Episode]:
+def play(rows: Sequence[LiveRow], seed: int, logs: Path, told: Callable[[str], None]) -> list[Episode]:
     """Try faults in turn on one robot; gives those that could be tried.
 
     Args:
         rows: the faults.
         seed: of the phases of the gait, and of what the faults leave to chance.
         logs: directory for the bags.
-        has_disk: whether that is a disk of its own.
         told: told the name of each fault that was tried, and why the rest was not.
 
     Raises:
@@ -90,9 +89,9 @@ def play(rows: Sequence[LiveRow], seed: int, logs: Path, has_disk: bool, told: C
         with Relay(port) as relay:
             task = Task("", SCENARIO, seed, str(directory), duration_s=1e6, injects=True)
             task.operator_at = f"tcp/127.0.0.1:{relay.port}"
-            with LiveProcesses(config, task, logs) as live:
+            with LiveProcesses(config, task, logs) as live, ExitStack() as held:
                 answers = LiveAnswers(live.answers())
-                stage = Stage(config, live, relay, logs, has_disk, random.Random(seed))
+                stage = Stage(config, live, relay, logs, random.Random(seed), held)
                 for row in rows:
                     struck = len(answers.struck)
                     live.order(Order(row.name, seed, row.lasts_ns))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any
 
 from runtime.link.loop import STATUS
@@ -37,6 +38,13 @@ LINGER_NS = 500 * MS
 REJECTED_MESSAGES = (STATUS, "rejected")
 
 
+class Need(Enum):
+    """What a fault takes that not every computer grants; the value says so."""
+
+    DISK = "no disk of its own may be mounted here"
+    CLOCK = "the clock may not be set here"
+
+
 @dataclass(frozen=True)
 class LiveRow:
     """A fault in real time, and its answer.
@@ -54,7 +62,7 @@ class LiveRow:
         before: answers that may come before.
         holds_up: loops that the fault itself holds up.
         recorder: what the recorder says of itself while the fault is there.
-        needs_disk: whether it needs a disk of its own for the logs.
+        needs: what it takes that may not be granted.
         breaks_log: whether ticks are missing while it is there.
     """
 
@@ -71,7 +79,7 @@ class LiveRow:
     before: tuple[str, ...] = ()
     holds_up: tuple[str, ...] = ()
     recorder: Callable[[RecorderStatus], bool] | None = None
-    needs_disk: bool = False
+    needs: Need | None = None
     breaks_log: bool = False
 
     def watched_ns(self, config: Uslgo1Config) -> int:
@@ -229,7 +237,7 @@ LIVE_ROWS = (
         lasts_ns=3000 * MS,
         after_ns=2500 * MS,
         recorder=_failed,
-        needs_disk=True,
+        needs=Need.DISK,
         breaks_log=True,
     ),
     LiveRow(
@@ -240,6 +248,16 @@ LIVE_ROWS = (
         lasts_ns=2000 * MS,
         after_ns=2500 * MS,
         breaks_log=True,
+    ),
+    LiveRow(
+        "clock set a minute ahead, and back",
+        WALK_ON,
+        act=stage.clock_ahead,
+        mend=stage.released,
+        lasts_ns=2000 * MS,
+        after_ns=1500 * MS,
+        counted=(STATUS, "clock_steps"),
+        needs=Need.CLOCK,
     ),
     LiveRow(
         "suspended for 1 s",

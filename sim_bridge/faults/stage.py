@@ -6,9 +6,10 @@ from __future__ import annotations
 import os
 import random
 import signal
+import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,7 @@ EVERYONE = ("control", "link", "recorder", "sim")
 SUBSCRIBERS = 12
 MALFORMED = 20
 """Messages on each topic."""
+CLOCK_STEP_NS = 60_000_000_000
 _FILLER = ".filler"
 _RECORDED_MEANWHILE_BYTES, _BLOCK_BYTES = 32 << 20, 64 << 10
 _BABBLED = (ros.IMU, ros.LOCALIZATION, ros.BATTERY, ros.PATH, ros.PATH_SPEED, ros.CMD_VEL, ros.MOTION)
@@ -47,7 +49,6 @@ class Stage:
         live: its processes.
         relay: the network between the operator and the link.
         logs: directory in which the recorder makes bags.
-        has_disk: whether that directory is a disk of its own, which may be filled.
         chance: for what a fault leaves to it.
         held: what is let go when the fault ends.
     """
@@ -56,9 +57,8 @@ class Stage:
     live: LiveProcesses
     relay: Relay
     logs: Path
-    has_disk: bool
     chance: random.Random
-    held: ExitStack = field(default_factory=ExitStack)
+    held: ExitStack
 
     @property
     def away(self) -> Path:
@@ -150,6 +150,25 @@ def malformed_messages(stage: Stage) -> None:
         publisher = session.publisher(topic, types[topic], DEFAULT_QUALITY)
         for _ in range(MALFORMED):
             publisher.put(stage.chance.randbytes(stage.chance.randrange(200)))
+
+
+def clock_may_be_set() -> bool:
+    """Whether this computer lets its clock be set."""
+    try:
+        _step_clock(0)
+    except PermissionError:
+        return False
+    return True
+
+
+def clock_ahead(stage: Stage) -> None:
+    """The computer's clock is set ahead, and back when the fault ends."""
+    _step_clock(CLOCK_STEP_NS)
+    stage.held.callback(_step_clock, -CLOCK_STEP_NS)
+
+
+def _step_clock(by_ns: int) -> None:
+    time.clock_settime_ns(time.CLOCK_REALTIME, time.time_ns() + by_ns)
 
 
 def disk_full(stage: Stage) -> None:
