@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The values that cross a task boundary of a vehicle, beside those that every robot has (`runtime.signals`).
+
+Conventions as there. `base` lies at the vehicle's centre, on the ground. Wheels in the order front left, front right,
+rear left, rear right; a steering angle is positive to the left, a wheel's speed positive forward. Symbolic sizes:
+`wheel`, `axle_drive` (a steering and a driving motor for each wheel, the steering ones first) and `unit_frame` (state
+frames of the vehicle's control unit).
+"""
+
+from __future__ import annotations
+
+from runtime.records import (
+    Record,
+    boolean,
+    boolean_array,
+    float64,
+    float64_array,
+    int64,
+    int64_array,
+    uint8,
+    uint8_array,
+    uint32,
+)
+
+
+class WheelState(Record):
+    """What the vehicle's control unit says of its wheels and of itself."""
+
+    stamp_ns = int64("ns", "of the newest state frame")
+    reply_ns = int64_array("unit_frame", "ns", "arrival of the last valid state frame of each kind")
+    steering = float64_array("wheel", "rad")
+    speed = float64_array("wheel", "rad/s")
+    current = float64_array("wheel", "A", "of the driving motors")
+    temperature = float64_array("wheel", "degC", "of the driving motors")
+    fault = uint8_array("axle_drive", "", "the unit's own fault code, 0 none; steering motors, then driving motors")
+    mode = uint8("", "of the unit, as it counts them")
+    enabled = boolean("the unit drives its motors")
+    corrupt = uint32("", "state frames since start whose checksum was wrong")
+    stalled = uint32("", "state frames since start whose alive counter did not go on")
+    rejected = uint32("", "frames rejected since start: wrong length, unknown id, error frame, out of range")
+
+
+class WheelCommand(Record):
+    """One command for every wheel."""
+
+    stamp_ns = int64("ns")
+    mode = uint8("", "asked of the unit, as it counts them")
+    enable = boolean("the motors are to be driven")
+    steering = float64_array("wheel", "rad")
+    speed = float64_array("wheel", "rad/s")
+    manner = uint8("", "how the wheels are steered: the steering kinematics' mode")
+    scale = float64("", "share of the twist that is left where a wheel cannot go faster, 0 to 1")
+
+
+class VehicleState(Record):
+    """The estimate of the vehicle."""
+
+    stamp_ns = int64("ns")
+    position = float64_array(3, "m", "centre in odom")
+    orientation = float64_array(4, "", "x y z w")
+    linear_velocity = float64_array(3, "m/s", "of the centre, in odom")
+    angular_velocity = float64_array(3, "rad/s", "in base, bias removed")
+    velocity = float64_array(2, "m/s", "forward and lateral, in base")
+    slip = float64_array("wheel", "", "slip ratio: (rolling speed - ground speed) / the larger of both")
+    slipping = boolean_array("wheel", "the wheel's speed says nothing of the vehicle's")
+    localization_age_ns = int64("ns", "age of the newest pose that was fused")
+    localization_rejected = uint32("", "poses rejected since start")
+    localization_disputed = uint32("", "poses in a row that agree with each other but not with the estimate")
+    imu_age_ns = int64("ns", "age of the inertial sample that was used")
+    imu_rejected = uint32("", "samples since start that were not finite, not plausible or not in order of time")
+
+
+class VehicleTruth(Record):
+    """The simulator's state of the vehicle, for `--estimator truth` and for the errors of a run."""
+
+    stamp_ns = int64("ns")
+    position = float64_array(3, "m", "centre in odom")
+    orientation = float64_array(4, "", "x y z w")
+    linear_velocity = float64_array(3, "m/s", "of the centre, in odom")
+    angular_velocity = float64_array(3, "rad/s", "in base")
+    steering = float64_array("wheel", "rad")
+    speed = float64_array("wheel", "rad/s")
+    slip = float64_array("wheel", "", "slip ratio: (rolling speed - ground speed) / the larger of both")
+    load = float64_array("wheel", "N", "normal force of the ground on each wheel")
+
+
+class TwistCommand(Record):
+    """What the tracker asks of the vehicle's centre."""
+
+    stamp_ns = int64("ns")
+    velocity = float64_array(2, "m/s", "forward and lateral, in base")
+    yaw_rate = float64("rad/s")
+    predicted = float64_array(3, "m, m, rad", "pose that the command is made for: the estimate after the delay")
+    look_ahead = float64("m")
+    target = float64_array(2, "m", "look-ahead point in odom")
+    lateral_error = float64("m", "signed, positive with the path to the right")
+    heading_error = float64("rad")
+    progress = float64("m", "arc length along the path")
+    remaining = float64("m", "arc length to the goal")
+    arrived = boolean("the goal has been reached")
+    rejected_paths = uint32("", "paths rejected since start")
+    residual = float64("", "of the last solve, where the controller solves something")
+    failures = uint32("", "solves that failed since start; the last good command was held")
