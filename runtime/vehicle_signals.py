@@ -68,6 +68,11 @@ class VehicleState(Record):
     localization_disputed = uint32("", "poses in a row that agree with each other but not with the estimate")
     imu_age_ns = int64("ns", "age of the inertial sample that was used")
     imu_rejected = uint32("", "samples since start that were not finite, not plausible or not in order of time")
+    covariance = float64_array(9, "m^2, m.rad, rad^2", "of x, y and yaw, row by row")
+    wheels_age_ns = int64("ns", "age of the state frames that were used, the oldest wheel's")
+    wheels_rejected = uint32("", "readings of the wheels since start that were not finite")
+    yaw_rate_innovation = float64("rad/s", "yaw rate of the wheels less that of the gyroscope")
+    resting = boolean("the vehicle is taken to stand still")
 
 
 class VehicleTruth(Record):
