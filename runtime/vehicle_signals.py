@@ -86,7 +86,7 @@ class VehicleTruth(Record):
     steering = float64_array("wheel", "rad")
     speed = float64_array("wheel", "rad/s")
     slip = float64_array("wheel", "", "slip ratio: (rolling speed - ground speed) / the larger of both")
-    load = float64_array("wheel", "N", "normal force of the ground on each wheel")
+    normal_force = float64_array("wheel", "N", "of the ground on each wheel")
 
 
 class TwistCommand(Record):
