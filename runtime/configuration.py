@@ -30,32 +30,39 @@ OVERRIDE_PLACE = "--set"
 """What an override is called in a message, in the place of a file's name."""
 
 
-def load(path: Path, schema: type[AnyConfig], overrides: Mapping[str, str] | None = None) -> AnyConfig:
-    """Read and validate a configuration file.
-
-    Args:
-        path: a TOML file.
-        schema: the Struct to make of it.
-        overrides: dotted keys and values as written on the command line; each replaces what the file says.
+def read(path: Path) -> str:
+    """The text of a configuration file.
 
     Raises:
-        ConfigError: one sentence with the file, the key, the value and the bound.
+        ConfigError: if it cannot be read.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path.name}: byte {error.start} is not UTF-8 text") from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise ConfigError(f"{one_line(str(path))}: cannot be read: {reason}") from None
-    return loads(text, schema, place=path.name, overrides=overrides)
+
+
+def top_level(text: str, key: str, place: str) -> object:
+    """The value of one key of a TOML text, None if it is missing."""
+    return _parse(text, place).get(key)
 
 
 def loads(text: str, schema: type[AnyConfig], *, place: str, overrides: Mapping[str, str] | None = None) -> AnyConfig:
-    """Validate a configuration given as TOML text; `place` names it in messages.
+    """Validate a configuration given as TOML text.
 
     The text has to be right by itself; then the overrides are applied, all of them, and the outcome is validated again.
-    Otherwise like `load`.
+
+    Args:
+        text: TOML.
+        schema: the Struct to make of it.
+        place: what the text is called in messages.
+        overrides: dotted keys and values as written on the command line; each replaces what the text says.
+
+    Raises:
+        ConfigError: one sentence with the place, the key, the value and the bound.
     """
     raw = _parse(text, place)
     config = _validated(raw, schema, place)

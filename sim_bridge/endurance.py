@@ -10,9 +10,7 @@ from typing import Any
 from runtime.records import Record
 from runtime.robots import topics
 from runtime.signals import (
-    BodyCommand,
     Fault,
-    Gait,
     Mode,
     Motion,
     OperatorEvent,
@@ -21,12 +19,12 @@ from runtime.signals import (
     Request,
     SafetyStatus,
 )
-from sim_bridge.courses import Scenario
-from sim_bridge.observer import FALLEN_CLEARANCE_M, FALLEN_TILT_RAD, SAMPLE_NS
-from sim_bridge.quadruped_world import QuadrupedWorld
+from sim_bridge.observer import FALLEN_TILT_RAD, SAMPLE_NS
+from sim_bridge.scenario import Scenario
 from sim_bridge.script import PERIOD_NS, PRIORITY, SOURCE
+from sim_bridge.simulation import Simulation, World
 
-WATCHED = (topics.SAFETY, topics.GAIT, topics.BODY_COMMAND, topics.OPERATOR)
+WATCHED = (topics.SAFETY, topics.BODY_COMMAND, topics.OPERATOR)
 RESTED_NS = 1_000_000_000
 """A damped robot lies still by then."""
 _POWERED = (Mode.STANDING, Mode.ACTIVE)
@@ -48,17 +46,17 @@ class EnduringOperator:
     Args:
         scenario: whose path is walked, lap after lap.
         records: of the robot, by topic, kept up to date.
+        ready: whether a robot that stands can go.
 
     Attributes:
         laps: completed.
         falls: into DAMPED: world time, s, and the names of the faults.
     """
 
-    def __init__(self, scenario: Scenario, records: Mapping[str, Record]) -> None:
-        self._scenario = scenario
+    def __init__(self, scenario: Scenario, records: Mapping[str, Record], ready: Callable[[], bool]) -> None:
+        self._scenario, self._ready = scenario, ready
         self._safety: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
-        self._gait: Gait = records[topics.GAIT]  # type: ignore[assignment]
-        self._command: BodyCommand = records[topics.BODY_COMMAND]  # type: ignore[assignment]
+        self._command: Any = records[topics.BODY_COMMAND]
         self._operator: OperatorRequest = records[topics.OPERATOR]  # type: ignore[assignment]
         self.laps = 0
         self.falls: list[tuple[float, str]] = []
@@ -74,7 +72,7 @@ class EnduringOperator:
             self._aim, self._rested_ns = Aim.RESET, now_ns + RESTED_NS
         elif mode in (Mode.OFF, Mode.STANDBY):
             self._aim = Aim.STAND  # after a reset, or since control was started anew
-        elif self._aim is Aim.STAND and mode == Mode.STANDING and self._gait.balancing:
+        elif self._aim is Aim.STAND and mode == Mode.STANDING and self._ready():
             self._aim = Aim.WITHDRAW
         elif self._aim is Aim.WITHDRAW and not command.arrived and command.remaining == 0.0:
             self._aim = Aim.WALK
@@ -139,7 +137,7 @@ class EnduranceObserver:
     """Watches a long walk.
 
     Args:
-        world: the true robot.
+        simulation, world: the true robot.
         operator: told to look at each sample.
         records: of the robot, by topic, kept up to date.
         duration_s: of the walk.
@@ -148,13 +146,14 @@ class EnduranceObserver:
 
     def __init__(
         self,
-        world: QuadrupedWorld,
+        simulation: Simulation,
+        world: World,
         operator: EnduringOperator,
         records: Mapping[str, Record],
         duration_s: float,
         progress: Callable[[float, float, Mode], None],
     ) -> None:
-        self._world, self._operator, self._progress = world, operator, progress
+        self._simulation, self._world, self._operator, self._progress = simulation, world, operator, progress
         self._safety: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
         self._duration_s, self._next_ns, self._samples = duration_s, 0, 0
         self._was_down, self._tumbles = False, 0
@@ -168,7 +167,7 @@ class EnduranceObserver:
         self._samples += 1
         if self._samples % 100 == 1:
             self._progress(now_ns * 1e-9, self._duration_s, Mode(self._safety.mode))
-        down = self._world.tilt > FALLEN_TILT_RAD or self._world.clearance < FALLEN_CLEARANCE_M
+        down = self._world.tilt > FALLEN_TILT_RAD or self._world.clearance < self._simulation.fallen_clearance_m
         self._tumbles += down and not self._was_down and self._safety.mode in _POWERED
         self._was_down = down
         return now_ns >= self._duration_s * 1e9

@@ -17,10 +17,11 @@ import msgspec
 from runtime.configuration import dump
 from runtime.executors.processes import ProcessError, Processes, how_it_ended
 from runtime.robots import load_configuration
-from runtime.robots.uslgo1.config import Uslgo1Config
+from runtime.robots.robot_config import RobotConfig
 from sim_bridge.live_buses import MakeBuses, live_buses
 from sim_bridge.process import Task
-from sim_bridge.run import chosen_scenario, packed
+from sim_bridge.run import packed
+from sim_bridge.simulation import simulation_of
 
 STOP_ORDER = ("control", "sim", "link", "recorder")
 
@@ -28,7 +29,7 @@ STOP_ORDER = ("control", "sim", "link", "recorder")
 @contextmanager
 def wired(
     robot: str, chosen: Mapping[str, str], directory: Path, make: MakeBuses = live_buses
-) -> Iterator[tuple[Uslgo1Config, str]]:
+) -> Iterator[tuple[RobotConfig, str]]:
     """The configuration of a robot on buses made for one run, its link with a port of its own; and what the buses are.
 
     Args:
@@ -59,11 +60,11 @@ class LiveProcesses:
         refused: what the system did not grant the simulator, as sentences.
     """
 
-    def __init__(self, config: Uslgo1Config, task: Task, out: Path) -> None:
+    def __init__(self, config: RobotConfig, task: Task, out: Path) -> None:
         directory = Path(task.directory)
         file = directory / "config.toml"
         file.write_text(dump(config))
-        terrain = chosen_scenario(task.scenario, config, task.seed).terrain(task.seed)
+        terrain = simulation_of(config).scenario(task.scenario, task.seed).terrain(task.seed)
         (directory / "terrain.npz").write_bytes(packed(terrain))
         self._task = msgspec.structs.replace(task, config=str(file))
         self._ugv = [sys.executable, "-m", "runtime.cli.main", "run", config.robot, "--config", str(file)]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +21,11 @@ from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.recording.log import Log
 from runtime.recording.run_data import BODY_STATE
 from runtime.recording.stalls import STALL_NS, fault_events
+from runtime.robots import assembled
 from sim_bridge.live_processes import LiveProcesses, wired
 from sim_bridge.observer import Progress
 from sim_bridge.process import Task
+from sim_bridge.run import with_variant
 
 SETTLED_S = 120.0
 
@@ -33,8 +35,8 @@ def run_live(
     scenario: str,
     *,
     seed: int = 0,
-    estimator: str = "kalman",
-    controller: str = "FpMW",
+    estimator: str | None = None,
+    controller: str | None = None,
     overrides: Mapping[str, str] | None = None,
     out: Path,
     until_s: float = math.inf,
@@ -48,7 +50,7 @@ def run_live(
     Raises:
         UgvError: for an unknown robot, scenario or key, or a process that ended before the run.
     """
-    chosen = {**(overrides or {}), "variant.estimator": estimator, "variant.controller": controller}
+    chosen = with_variant(overrides, estimator, controller)
     with runtime_directory() as directory, wired(robot, chosen, directory) as (config, buses):
         print(f"ugv sil: {buses}", file=sys.stderr)
         task = Task(
@@ -68,10 +70,10 @@ def run_live(
         "robot": robot,
         "scenario": scenario,
         "seed": seed,
-        "controller": controller,
-        "estimator": estimator,
+        "controller": config.variant.controller,
+        "estimator": config.variant.estimator,
         **outcome,
-        **_timings(log),
+        **_timings(log, (loop.name for loop in assembled(config).loops)),
         "imu_age_ms": _spread(log.read_signal(BODY_STATE).values["imu_age_ns"]),
         "faults": _faults(log),
         "realtime": True,
@@ -131,11 +133,11 @@ def _faults(log: Log) -> list[dict[str, Any]]:
     return found
 
 
-def _timings(log: Log) -> dict[str, Any]:
+def _timings(log: Log, loops: Iterable[str]) -> dict[str, Any]:
     """Times of the loops' steps, ms, and how many periods they missed, from the ticks."""
     figures: dict[str, Any] = {}
     missed: dict[str, int] = {}
-    for name in ("wbc", "mpc"):
+    for name in loops:
         ticks = log.read_signal(TICK_TOPIC_PREFIX + name).values
         figures[f"{name}_ms"] = _spread(ticks["compute_ns"])
         missed[name] = int(ticks["skipped"].sum())

@@ -19,7 +19,7 @@ from runtime.executors.linux import Alarm
 from runtime.executors.loop_run import InputPort
 from runtime.executors.switch_interval import switch_interval
 from runtime.records import Record
-from sim_bridge.quadruped_world import QuadrupedWorld
+from sim_bridge.simulation import World
 
 START_AFTER_NS = 5_000_000
 POLL_NS = 1_000_000
@@ -62,7 +62,7 @@ class LiveWorld:
 
     def __init__(
         self,
-        world: QuadrupedWorld,
+        world: World,
         wires: Wires,
         step_ns: int,
         sources: Sequence[Source],

@@ -4,20 +4,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from runtime.records import Record
 from runtime.robots import topics
-from runtime.robots.uslgo1.config import Uslgo1Config
-from runtime.signals import BodyCommand, Fault, Gait, Mode, SafetyStatus
-from sim_bridge.courses import TIME_FACTOR, Scenario
-from sim_bridge.quadruped_world import QuadrupedWorld
+from runtime.signals import Fault, Mode, SafetyStatus
+from sim_bridge.scenario import TIME_FACTOR, Scenario
 from sim_bridge.script import WALK_NS
+from sim_bridge.simulation import Simulation, World
 
 Progress = Callable[[float, float], None]
 """Called with the virtual time reached and the time expected, s."""
 SAMPLE_NS = 10_000_000
 FALLEN_TILT_RAD = 1.0
-FALLEN_CLEARANCE_M = 0.1
 STOPPED_FOR_NS = 700_000_000
 SETTLE_AFTER_FAULT_NS = 500_000_000
 
@@ -28,7 +27,7 @@ class Observer:
     Args:
         world: the true robot.
         records: by topic, what the robot's loops write, or copies that are kept up to date.
-        config, scenario: of the run.
+        simulation, scenario: of the run.
         until_s: ends the run by then.
         progress: called now and then.
 
@@ -41,17 +40,18 @@ class Observer:
 
     def __init__(
         self,
-        world: QuadrupedWorld,
+        world: World,
         records: Mapping[str, Record],
-        config: Uslgo1Config,
+        simulation: Simulation,
         scenario: Scenario,
         until_s: float,
         progress: Progress | None,
     ) -> None:
-        self._world, self._scenario, self._config, self._progress = world, scenario, config, progress
+        self._world, self._scenario, self._simulation, self._progress = world, scenario, simulation, progress
         self._safety: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
-        self._gait: Gait = records[topics.GAIT]  # type: ignore[assignment]
-        self._command: BodyCommand = records[topics.BODY_COMMAND]  # type: ignore[assignment]
+        self._command: Any = records[topics.BODY_COMMAND]
+        self._moves = simulation.moves(records)
+        self._records = records
         self.samples: list[tuple[float, float, float, float]] = []
         self.fell, self.fault = False, Fault.NONE
         self.push_end_s: float | None = None
@@ -75,7 +75,7 @@ class Observer:
             self.samples.append((now_ns * 1e-9, *world.position[:2].tolist(), world.yaw))
         if self._progress is not None and len(self.samples) % 25 == 1:
             self._progress(now_ns * 1e-9, self._expected_s)
-        if not self.fell and (world.tilt > FALLEN_TILT_RAD or world.clearance < FALLEN_CLEARANCE_M):
+        if not self.fell and (world.tilt > FALLEN_TILT_RAD or world.clearance < self._simulation.fallen_clearance_m):
             self.fell = bool(self._scenario.waypoints) or world.tilt > FALLEN_TILT_RAD
         mode = self._safety.mode
         if mode == Mode.DAMPED and not self.fault:
@@ -84,7 +84,7 @@ class Observer:
             self.fault = Fault(self._safety.warning)
         if self.fell or self.fault:
             self._end_ns = min(self._end_ns, now_ns + SETTLE_AFTER_FAULT_NS)
-        if self._command.arrived and not self._gait.walking:
+        if self._command.arrived and not self._moves():
             self._end_ns = min(self._end_ns, now_ns + STOPPED_FOR_NS)
         if not self._scenario.waypoints:
             self._stood |= mode == Mode.STANDING
@@ -95,15 +95,14 @@ class Observer:
         return now_ns >= self._end_ns
 
     def _push(self, now_ns: int) -> None:
-        """Schedule the push at the first wanted gait phase after its time."""
-        push, gait = self._scenario.push, self._gait
+        """Schedule the push when its time has come."""
+        push = self._scenario.push
         assert push is not None
-        begin_ns = WALK_NS + int(push.after_s * 1e9)
-        if now_ns < begin_ns or not gait.walking:
+        if now_ns < WALK_NS + int(push.after_s * 1e9):
             return
-        period = self._config.gait.period_ns
-        phase_ns = gait.cycle_start_ns + int(push.gait_phase * period)
-        at_ns = phase_ns + -(-(now_ns - phase_ns) // period) * period
+        at_ns = self._simulation.push_ns(push, self._records, now_ns)
+        if at_ns is None:
+            return
         self._world.push(at_ns, int(push.duration_s * 1e9), push.direction_rad, push.force_n)
         self._pushed, self.push_end_s = True, at_ns * 1e-9 + push.duration_s
 

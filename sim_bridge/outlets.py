@@ -3,17 +3,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from runtime.executors.loop_run import InputPort
 from runtime.executors.shared_ports import latest_writer
 from runtime.records import Record
 from runtime.robots import topics
-from runtime.robots.uslgo1.assembly import assemble
-from runtime.robots.uslgo1.config import Uslgo1Config
+from runtime.tasks import Loop
 from sim_bridge.live_world import Source
-from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.ros_outlet import RosOutlet
+from sim_bridge.simulation import Simulation, World
 
 
 class SharedOutlet:
@@ -29,10 +29,11 @@ class SharedOutlet:
 
 
 def sources_of(
-    world: QuadrupedWorld,
+    simulation: Simulation,
+    world: World,
     operator: InputPort,
     path: InputPort,
-    config: Uslgo1Config,
+    loops: Sequence[Loop],
     ros: RosOutlet,
     operator_ros: RosOutlet,
     directory: Path,
@@ -40,19 +41,18 @@ def sources_of(
     """Every sensor, and what the operator asks for.
 
     Args:
+        simulation: of the robot.
         world: whose sensors they are.
         operator: port of the operator's events.
         path: port of the path.
-        config: of the robot.
+        loops: of the robot.
         ros: by which the sensors speak.
         operator_ros: by which the operator speaks; it may be the same.
         directory: the runtime directory.
     """
-    records = {record.topic: record.like() for loop in assemble(config).loops for record in loop.port_inputs}
+    records = {record.topic: record.like() for loop in loops for record in loop.port_inputs}
     spoken: dict[str, tuple[InputPort, RosOutlet]] = {
-        topics.IMU: (world.imu, ros),
-        topics.LOCALIZATION: (world.localization, ros),
-        topics.BATTERY: (world.battery, ros),
+        **{topic: (port, ros) for topic, port in simulation.sensors(world).items()},
         topics.OPERATOR_EVENT: (operator, operator_ros),
         topics.PATH: (path, operator_ros),
     }

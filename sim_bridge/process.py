@@ -29,11 +29,9 @@ from runtime.executors.runtime_directory import remove_if_orphaned
 from runtime.executors.tick_stream import OBSERVER_SOCKET, RECORDER_SOCKET, TickListener, TickStream
 from runtime.link.loop import link_loop
 from runtime.records import Record
-from runtime.robots import load_configuration
-from runtime.robots.uslgo1.assembly import assemble
-from runtime.robots.uslgo1.config import Uslgo1Config
+from runtime.robots import assembled, load_configuration
+from runtime.robots.robot_config import RobotConfig
 from runtime.signals import Mode
-from sim_bridge.courses import Scenario
 from sim_bridge.endurance import WATCHED, EnduranceObserver, EnduringOperator, EnduringPath
 from sim_bridge.faults.injector import Injector, Tap
 from sim_bridge.faults.live_buses import LiveBuses
@@ -41,10 +39,11 @@ from sim_bridge.faults.live_table import LIVE_ROWS
 from sim_bridge.live_world import LiveWorld
 from sim_bridge.observer import SAMPLE_NS, Observer
 from sim_bridge.outlets import sources_of
-from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.ros_outlet import RosOutlet
-from sim_bridge.run import chosen_scenario, outcome_of, rehearse, world_of
-from sim_bridge.script import ScriptedOperator, ScriptedPath
+from sim_bridge.run import outcome_of, rehearse
+from sim_bridge.scenario import Scenario
+from sim_bridge.script import ScriptedPath
+from sim_bridge.simulation import Simulation, World, simulation_of
 from sim_bridge.tick_mirror import TickMirror
 from sim_bridge.virtual_links import remove_orphaned_links
 
@@ -86,17 +85,14 @@ class Part(NamedTuple):
     outcome: Callable[[], dict[str, Any]]
 
 
-def _part(
-    task: Task, config: Uslgo1Config, course: Scenario, world: QuadrupedWorld, records: Mapping[str, Record]
-) -> Part:
+def _part(task: Task, simulation: Simulation, course: Scenario, world: World, records: Mapping[str, Record]) -> Part:
     if task.duration_s is not None:
-        operator = EnduringOperator(course, records)
-        watcher = EnduranceObserver(world, operator, records, task.duration_s, _report_mode)
+        operator = EnduringOperator(course, records, simulation.ready(records))
+        watcher = EnduranceObserver(simulation, world, operator, records, task.duration_s, _report_mode)
         return Part(operator, EnduringPath(operator), watcher.over, watcher.outcome)
     until_s = math.inf if task.until_s is None else task.until_s
-    observer = Observer(world, records, config, course, until_s, _report)
-    script = ScriptedOperator(course, config.posture.rise_s)
-    return Part(script, ScriptedPath(course), observer.over, lambda: outcome_of(observer, course))
+    observer = Observer(world, records, simulation, course, until_s, _report)
+    return Part(simulation.operator(course), ScriptedPath(course), observer.over, lambda: outcome_of(observer, course))
 
 
 def _report(done_s: float, expected_s: float) -> None:
@@ -107,7 +103,7 @@ def _report_mode(done_s: float, expected_s: float, mode: Mode) -> None:
     _answer(progress=(done_s, expected_s), mode=mode.name)
 
 
-def _device_end(task: Task, config: Uslgo1Config) -> DeviceEnd:
+def _device_end(task: Task, config: RobotConfig) -> DeviceEnd:
     drives = config.drives
     return LiveBuses(drives.channels) if task.injects else open_device_end(drives.interface, drives.channels)
 
@@ -115,13 +111,14 @@ def _device_end(task: Task, config: Uslgo1Config) -> DeviceEnd:
 def simulate(task: Task) -> dict[str, Any]:
     """Run a scenario until it is over, and on until SIGTERM; returns what came of it."""
     config = load_configuration(task.config)
-    course = chosen_scenario(task.scenario, config, task.seed)
+    course = simulation_of(config).scenario(task.scenario, task.seed)
     rehearse(config.robot, config.variant.estimator, config.variant.controller)
     return _live(task, config, course, Path(task.directory))
 
 
-def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -> dict[str, Any]:
-    loops, link = assemble(config).loops, link_loop(config.link, config.realtime.link_priority)
+def _live(task: Task, config: RobotConfig, course: Scenario, directory: Path) -> dict[str, Any]:
+    simulation = simulation_of(config)
+    loops, link = assembled(config).loops, link_loop(config.link, config.realtime.link_priority)
     stop: list[bool] = []
     signal.signal(signal.SIGTERM, lambda *_: stop.append(True))
     refused = [sentence for sentence in (run_first(SIM.priority), lock_memory()) if sentence]
@@ -135,10 +132,10 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
             operator_ros = stack.enter_context(RosOutlet(way, "ugv_operator"))
         stack.callback(remove_if_orphaned, directory)
         stack.callback(remove_orphaned_links)
-        world = world_of(config, course, course.terrain(task.seed), wires, task.seed)
-        mirror = TickMirror(loops, WATCHED, listener)
-        part = _part(task, config, course, world, mirror.records)
-        sources = sources_of(world, part.operator, part.path, config, ros, operator_ros, directory)
+        world = simulation.world(course, course.terrain(task.seed), wires, task.seed)
+        mirror = TickMirror(loops, (*WATCHED, *simulation.watched), listener)
+        part = _part(task, simulation, course, world, mirror.records)
+        sources = sources_of(simulation, world, part.operator, part.path, loops, ros, operator_ros, directory)
         inputs = {record.topic: port for record, port, _ in sources}
         injector = None
         if isinstance(wires, LiveBuses):
@@ -148,7 +145,7 @@ def _live(task: Task, config: Uslgo1Config, course: Scenario, directory: Path) -
         live = LiveWorld(
             world,
             wires,
-            config.simulation.time_step_ns,
+            simulation.step_ns,
             sources,
             partial(CompanionTicks, (*loops, link), SIM, TickStream(directory / RECORDER_SOCKET)),
         )

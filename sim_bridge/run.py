@@ -7,7 +7,7 @@ import io
 import math
 import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
@@ -18,8 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.bus_health import BusMonitor
-from drivers.device_end import Wires
-from drivers.dialects import dialect_named
 from drivers.memory_bus import MemoryBus
 from drivers.memory_ports import MemoryReader, MemoryWriter
 from runtime.configuration import dump
@@ -28,23 +26,17 @@ from runtime.executors.loop_run import InputPort, OutputPort, TickSink
 from runtime.recording.metrics import path_metrics, push_recovery
 from runtime.recording.recorder import RecorderProcess
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup
-from runtime.robots import load_configuration, topics
+from runtime.robots import assembled, load_configuration, topics
 from runtime.robots.fresh_frames import FreshFrames
 from runtime.robots.robot import Robot
-from runtime.robots.uslgo1.assembly import PATH_CAPACITY, assemble
-from runtime.robots.uslgo1.config import Uslgo1Config
-from runtime.tracking.path_csv import read_path_csv
+from runtime.robots.robot_config import RobotConfig
+from runtime.tasks import Loop
 from runtime.tracking.paths import Polyline
-from sim_bridge.courses import Push, Scenario, custom
-from sim_bridge.courses import scenario as scenario_named
 from sim_bridge.observer import Observer, Progress
-from sim_bridge.quadruped_world import QuadrupedWorld
-from sim_bridge.script import ScriptedOperator, ScriptedPath
+from sim_bridge.scenario import Scenario
+from sim_bridge.script import ScriptedPath
+from sim_bridge.simulation import World, simulation_of
 from sim_bridge.terrain import HeightField
-
-PUSH_DIRECTIONS, PUSH_PHASES = 8, 4
-WARM_UP_SCENARIO, WARM_UP_NS = "flat", 1_300_000_000
-"""By then the robot walks, and every part of its loops has been used."""
 
 
 class NullSink:
@@ -56,80 +48,42 @@ class NullSink:
         """Forget it."""
 
 
-def chosen_scenario(name: str, config: Uslgo1Config, seed: int) -> Scenario:
-    """The scenario of a name, or on the path of a CSV file, with the configuration's changes.
-
-    The seed of a push counts through directions, then gait phases.
-    """
-    if name.lower().endswith(".csv"):
-        chosen = custom(read_path_csv(name, capacity=PATH_CAPACITY))
-    else:
-        chosen = scenario_named(name)
-    if config.scenario.speed_mps > 0.0 and chosen.waypoints:
-        chosen = chosen.with_speed(config.scenario.speed_mps)
-    if chosen.push is not None:
-        direction = 2 * np.pi * (seed % PUSH_DIRECTIONS) / PUSH_DIRECTIONS
-        phase = (seed // PUSH_DIRECTIONS) % PUSH_PHASES / PUSH_PHASES
-        push = Push(direction_rad=direction, impulse_n_s=config.scenario.push_impulse_n_s, gait_phase=phase)
-        chosen = chosen.with_push(push)
-    return chosen
-
-
 class Wired(NamedTuple):
     """A robot and its world on the same wires."""
 
     robot: Robot
-    world: QuadrupedWorld
+    world: World
     terrain: HeightField
     bus: MemoryBus
     inputs: dict[str, InputPort]
     outputs: dict[str, OutputPort]
 
 
-def world_of(config: Uslgo1Config, course: Scenario, terrain: HeightField, wires: Wires, seed: int) -> QuadrupedWorld:
-    """The robot at the start of a scenario: standing if it is to walk."""
-    height = config.posture.height_m if course.waypoints else config.posture.sitting_height_m
-    return QuadrupedWorld(
-        config.quadruped,
-        config.simulation,
-        config.drives.joints(config.safety),
-        dialect_named(config.drives.dialect),
-        terrain,
-        wires,
-        seed,
-        course.start_pose,
-        config.quadruped.standing_angles(height),
-        height,
-    )
-
-
-def wire(config: Uslgo1Config, course: Scenario, seed: int) -> Wired:
+def wire(config: RobotConfig, course: Scenario, seed: int) -> Wired:
     """A robot at the start of a scenario, and the far end of all its wires."""
-    terrain = course.terrain(seed)
-    assembled = assemble(config)
+    terrain, simulation = course.terrain(seed), simulation_of(config)
     bus = MemoryBus(config.drives.buses, config.drives.bit_rate_hz)
-    world = world_of(config, course, terrain, bus, seed)
+    world = simulation.world(course, terrain, bus, seed)
     inputs: dict[str, InputPort] = {
         topics.CAN_RECEIVED: MemoryReader(bus),
         topics.BUS_STATUS: BusMonitor(bus.health),
-        topics.IMU: world.imu,
-        topics.LOCALIZATION: world.localization,
-        topics.BATTERY: world.battery,
+        **simulation.sensors(world),
         topics.TRUTH: world,
-        topics.OPERATOR_EVENT: ScriptedOperator(course, config.posture.rise_s),
+        topics.OPERATOR_EVENT: simulation.operator(course),
         topics.PATH: ScriptedPath(course),
     }
     outlet = FreshFrames(MemoryWriter(bus), config.drives.command_age_max_ns)
-    return Wired(assembled, world, terrain, bus, inputs, {topics.CAN_SENT: outlet})
+    return Wired(assembled(config), world, terrain, bus, inputs, {topics.CAN_SENT: outlet})
 
 
 @cache
 def rehearse(robot: str, estimator: str, controller: str) -> None:
-    """Walk a few steps in vain: what is compiled or loaded at first use belongs to the times of no run."""
+    """Move a little in vain: what is compiled or loaded at first use belongs to the times of no run."""
     config = load_configuration(robot, {"variant.estimator": estimator, "variant.controller": controller})
-    wired = wire(config, scenario_named(WARM_UP_SCENARIO), 0)
+    simulation = simulation_of(config)
+    wired = wire(config, simulation.scenario(simulation.warm_up, 0), 0)
     executor = Lockstep(wired.robot.loops, wired.inputs, wired.outputs, wired.world, NullSink())
-    executor.run(WARM_UP_NS, lambda now_ns: False)
+    executor.run(simulation.warm_up_ns, lambda now_ns: False)
 
 
 def run_scenario(
@@ -137,8 +91,8 @@ def run_scenario(
     scenario: str,
     *,
     seed: int = 0,
-    estimator: str = "kalman",
-    controller: str = "FpMW",
+    estimator: str | None = None,
+    controller: str | None = None,
     overrides: Mapping[str, str] | None = None,
     out: Path | None = None,
     until_s: float = math.inf,
@@ -150,8 +104,8 @@ def run_scenario(
         robot: its name.
         scenario: its name, or a CSV file with a path.
         seed: of terrain, noise and push.
-        estimator: "kalman" or "truth".
-        controller: "FpMW", "FpM" or "pMW".
+        estimator: "kalman" or "truth"; None for the robot's own.
+        controller: one that the robot has; None for its own.
         overrides: configuration keys and values.
         out: directory of the log and `summary.json`; None records nothing.
         until_s: ends the run after that time at the latest, done or not.
@@ -163,30 +117,30 @@ def run_scenario(
     Raises:
         UgvError: for an unknown robot, scenario or key, or an output that cannot be written.
     """
-    chosen = {**(overrides or {}), "variant.estimator": estimator, "variant.controller": controller}
-    config = load_configuration(robot, chosen)
-    course = chosen_scenario(scenario, config, seed)
-    rehearse(robot, estimator, controller)
+    config = load_configuration(robot, with_variant(overrides, estimator, controller))
+    simulation = simulation_of(config)
+    course = simulation.scenario(scenario, seed)
+    rehearse(robot, config.variant.estimator, config.variant.controller)
     wired = wire(config, course, seed)
-    assembled = wired.robot
-    written = {record.topic: record for loop in assembled.loops for record in loop.writes}
-    observer = Observer(wired.world, written, config, course, until_s, progress)
+    loops = wired.robot.loops
+    written = {record.topic: record for loop in loops for record in loop.writes}
+    observer = Observer(wired.world, written, simulation, course, until_s, progress)
     with ExitStack() as stack:
         sink: TickSink = NullSink()
         log = ""
         if out is not None:
             setup = recording_setup(
-                assembled.loops,
-                assembled.name,
+                loops,
+                wired.robot.name,
                 dump(config),
                 seed,
-                assembled.joint_names,
+                wired.robot.joint_names,
                 revision=git_revision(),
                 extra=(Attachment(TERRAIN, "application/octet-stream", packed(wired.terrain)),),
             )
             recorder = stack.enter_context(RecorderProcess(out, setup))
             sink, log = recorder, recorder.path.name
-        executor = Lockstep(assembled.loops, wired.inputs, wired.outputs, wired.world, sink)
+        executor = Lockstep(loops, wired.inputs, wired.outputs, wired.world, sink)
         began = time.perf_counter()
         reached_ns = executor.run(observer.limit_ns, observer.over)
         wall_s = time.perf_counter() - began
@@ -194,18 +148,24 @@ def run_scenario(
         "robot": robot,
         "scenario": scenario,
         "seed": seed,
-        "controller": controller,
-        "estimator": estimator,
+        "controller": config.variant.controller,
+        "estimator": config.variant.estimator,
         **outcome_of(observer, course),
         "sim_time_s": reached_ns * 1e-9,
         "wall_time_s": wall_s,
         "realtime_factor": reached_ns * 1e-9 / wall_s,
-        **_timings(executor, config),
+        **_timings(executor, loops),
         "log": log,
     }
     if out is not None:
         (out / "summary.json").write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
     return summary
+
+
+def with_variant(overrides: Mapping[str, str] | None, estimator: str | None, controller: str | None) -> dict[str, str]:
+    """Overrides, with those of the algorithms that were chosen by name."""
+    named = {"variant.estimator": estimator, "variant.controller": controller}
+    return {**(overrides or {}), **{key: name for key, name in named.items() if name is not None}}
 
 
 def outcome_of(observer: Observer, course: Scenario) -> dict[str, Any]:
@@ -228,11 +188,11 @@ def _figures(observer: Observer, course: Scenario) -> dict[str, Any]:
     return outcome
 
 
-def _timings(executor: Lockstep, config: Uslgo1Config) -> dict[str, Any]:
+def _timings(executor: Lockstep, loops: Sequence[Loop]) -> dict[str, Any]:
     """Wall times of the loops' steps, ms, and how many exceeded the loop's period."""
     figures: dict[str, Any] = {}
     missed: dict[str, int] = {}
-    periods = {"wbc": config.loops.wbc_period_ns, "mpc": config.loops.mpc_period_ns}
+    periods = {loop.name: loop.period_ns for loop in loops}
     for name, values in executor.compute_ns.items():
         taken = np.array(values, dtype=np.float64)
         median, p99 = np.percentile(taken, (50, 99)) * 1e-6

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from runtime.records import Record
 from runtime.signals import Motion, OperatorEvent, Path, Request
-from sim_bridge.courses import Scenario
+from sim_bridge.scenario import Scenario
 
 ARM_NS = 10_000_000
 WALK_NS = 600_000_000

@@ -24,8 +24,8 @@ class Job:
 
     scenario: str
     seed: int = 0
-    estimator: str = "kalman"
-    controller: str = "FpMW"
+    estimator: str | None = None
+    controller: str | None = None
     overrides: Mapping[str, str] = field(default_factory=dict)
     robot: str = "uslgo1"
 

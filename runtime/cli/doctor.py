@@ -13,7 +13,7 @@ from runtime.cli.options import add_overrides
 
 if TYPE_CHECKING:
     from runtime.cli.fitness.finding import Finding
-    from runtime.robots.uslgo1.config import Uslgo1Config
+    from runtime.robots.robot_config import RobotConfig
 
 UNFIT = 2
 SERVICE_RUNTIME, SERVICE_LOGS, SERVICE_CACHE = Path("/run/ugv"), Path("/var/log/ugv"), Path("/var/cache/ugv")
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     return 0 if fit else UNFIT
 
 
-def configuration(options: argparse.Namespace) -> Uslgo1Config | None:
+def configuration(options: argparse.Namespace) -> RobotConfig | None:
     """That of the robot, or of the file; None if neither was named."""
     from runtime.configuration import parse_overrides
     from runtime.errors import UsageError
@@ -63,7 +63,7 @@ def configuration(options: argparse.Namespace) -> Uslgo1Config | None:
     return load_configuration(source, overrides)
 
 
-def findings(config: Uslgo1Config | None, runtime_directory: Path, log_directory: Path) -> Iterator[Finding]:
+def findings(config: RobotConfig | None, runtime_directory: Path, log_directory: Path) -> Iterator[Finding]:
     """Everything that there is to find on this host, for a robot if there is one."""
     yield from _of_the_kernel(config)
     if config is not None:
@@ -71,10 +71,10 @@ def findings(config: Uslgo1Config | None, runtime_directory: Path, log_directory
     yield from _of_the_software(runtime_directory, log_directory)
 
 
-def _of_the_kernel(config: Uslgo1Config | None) -> Iterator[Finding]:
+def _of_the_kernel(config: RobotConfig | None) -> Iterator[Finding]:
     from runtime.cli.fitness import clocks, scheduling
 
-    priority = DEFAULT_PRIORITY if config is None else config.loops.wbc_priority
+    priority = DEFAULT_PRIORITY if config is None else config.highest_priority
     wanted = () if config is None else (*config.realtime.control_processors, *config.realtime.link_processors)
     own, unit = scheduling.read_own_limits(), scheduling.read_unit_limits()
     yield scheduling.check_priority(priority, scheduling.try_priority(priority), own, unit)
@@ -87,21 +87,15 @@ def _of_the_kernel(config: Uslgo1Config | None) -> Iterator[Finding]:
     yield clocks.check_date(clocks.read_synchronised())
 
 
-def _of_the_wires(config: Uslgo1Config) -> Iterator[Finding]:
-    from drivers.bus_load import MAX_BUS_LOAD, worst_bus_load
-    from drivers.dialects import dialect_named
+def _of_the_wires(config: RobotConfig) -> Iterator[Finding]:
+    from drivers.bus_load import MAX_BUS_LOAD
     from runtime.cli.fitness import buses, endpoints
 
     drives = config.drives
     if drives.interface == "socketcan":
         yield buses.check_kernel(buses.kernel_has_can())
         yield from buses.check_channels(drives.channels, drives.bit_rate_hz, buses.read_links())
-    dialect = dialect_named(drives.dialect)
-    loads = [
-        worst_bus_load(dialect, drives.bus.count(bus), config.loops.wbc_hz, drives.bit_rate_hz)
-        for bus in range(drives.buses)
-    ]
-    yield buses.check_loads(loads, MAX_BUS_LOAD)
+    yield buses.check_loads(config.bus_loads(), MAX_BUS_LOAD)
     if config.link.zenoh_config:
         yield endpoints.check_file(Path(config.link.zenoh_config), os.access(config.link.zenoh_config, os.R_OK))
     else:

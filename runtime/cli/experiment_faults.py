@@ -42,11 +42,13 @@ class Outcome(NamedTuple):
 def try_fault(number: int, seeds: Sequence[int]) -> Outcome:
     """Try one row of the table at the phases that the seeds choose."""
     from runtime.robots import load_configuration
+    from runtime.robots.uslgo1.config import Uslgo1Config
     from sim_bridge.faults.table import ROWS
     from sim_bridge.faults.trial import attempt, flaws
 
     row = ROWS[number]
     config = load_configuration("uslgo1", row.settings)
+    assert isinstance(config, Uslgo1Config)
     trials = [attempt(row, seed) for seed in seeds]
     different = [trial for trial in trials if trial.answer != row.answer]
     tried = zip(seeds, trials, strict=True)

@@ -15,7 +15,7 @@ from runtime.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
     from runtime.recording.kept_setup import Prepared
-    from runtime.robots.uslgo1.config import Uslgo1Config
+    from runtime.robots.robot_config import RobotConfig
 
 PROCESSES = ("recorder", "link", "control")
 """In the order in which they are started."""
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     return parts[options.process](options)
 
 
-def _configuration(options: argparse.Namespace) -> Uslgo1Config:
+def _configuration(options: argparse.Namespace) -> RobotConfig:
     from runtime.configuration import parse_overrides
     from runtime.robots import load_configuration
 
@@ -77,14 +77,13 @@ def _make_meeting_place(options: argparse.Namespace) -> None:
 
 def _control(options: argparse.Namespace) -> int:
     from runtime.executors.control import control
-    from runtime.robots.uslgo1.assembly import assemble
-    from runtime.robots.uslgo1.rehearsal import rehearse
+    from runtime.robots import assembled, rehearse
 
     config = _configuration(options)
     _make_meeting_place(options)
     rehearse(config)
     refused = control(
-        assemble(config),
+        assembled(config),
         config.drives.interface,
         config.drives.channels,
         options.runtime_dir,
@@ -127,15 +126,15 @@ def _recorder(options: argparse.Namespace) -> int:
     return 0
 
 
-def _prepared(config: Uslgo1Config) -> Prepared:
+def _prepared(config: RobotConfig) -> Prepared:
     from runtime.configuration import dump
     from runtime.executors.companions import SIM
     from runtime.link.loop import link_loop
     from runtime.recording.kept_setup import Prepared
     from runtime.recording.setup import recording_setup
-    from runtime.robots.uslgo1.assembly import assemble
+    from runtime.robots import assembled
 
-    robot, link = assemble(config), link_loop(config.link, config.realtime.link_priority)
+    robot, link = assembled(config), link_loop(config.link, config.realtime.link_priority)
     setup = recording_setup((*robot.loops, link, SIM), robot.name, dump(config), 0, robot.joint_names)
     return Prepared(setup, config.realtime.recorder_priority)
 

@@ -28,9 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=seed, default=0, metavar="N", help="of terrain, noise and pushes (default 0)")
     parser.add_argument("--realtime", action="store_true", help="against the wall clock, on real buses")
     parser.add_argument(
-        "--estimator", choices=ESTIMATORS, default="kalman", help="state from the sensors, or the simulator's own"
+        "--estimator", choices=ESTIMATORS, help="state from the sensors (kalman), or the simulator's own"
     )
-    parser.add_argument("--controller", default="FpMW", metavar="NAME", help="FpMW (default), FpM or pMW")
+    parser.add_argument("--controller", metavar="NAME", help="one of the robot's (default: the one of its TOML)")
     add_overrides(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="new or empty directory (default: a new one in runs/)")
     parser.add_argument(

@@ -11,7 +11,7 @@ from runtime.robots.link_config import LinkConfig
 from runtime.tasks import Loop
 
 if TYPE_CHECKING:
-    from runtime.robots.uslgo1.config import Uslgo1Config
+    from runtime.robots.robot_config import RobotConfig
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class LinkSetup:
     switch_interval_us: int
 
 
-def link_setup(config: Uslgo1Config) -> LinkSetup:
+def link_setup(config: RobotConfig) -> LinkSetup:
     """What the link is told, from a robot's configuration."""
     robot, realtime = assembled(config), config.realtime
     return LinkSetup(

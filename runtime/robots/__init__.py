@@ -1,20 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robots, by name."""
+"""The robots, by name.
+
+A robot is a folder with its TOML and four modules: `config` (`CONFIG`, the schema of the TOML), `assembly` (`assemble`,
+its tasks in loops), `description` (`description`, its URDF) and `rehearsal` (`rehearse`, so that nothing is used for
+the first time when it counts). They are imported when they are needed.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from runtime.errors import ConfigError, unknown
 
 if TYPE_CHECKING:
     from runtime.robots.robot import Robot
-    from runtime.robots.uslgo1.config import Uslgo1Config
+    from runtime.robots.robot_config import RobotConfig
     from runtime.tasks import Loop
 
-ROBOTS = ("uslgo1",)
+_FOLDERS = {"uslgo1": "uslgo1", "4ws4wd": "vehicle_4ws4wd"}
+ROBOTS = tuple(_FOLDERS)
 """Names of the robots there are."""
 
 
@@ -26,42 +33,61 @@ def configuration_file(robot: str) -> Path:
     """
     if robot not in ROBOTS:
         raise ConfigError(unknown("robot", robot, ROBOTS))
-    return Path(__file__).parent / robot / f"{robot}.toml"
+    return Path(__file__).parent / _FOLDERS[robot] / f"{robot}.toml"
 
 
-def load_configuration(robot_or_file: str, overrides: Mapping[str, str] | None = None) -> Uslgo1Config:
+def load_configuration(robot_or_file: str, overrides: Mapping[str, str] | None = None) -> RobotConfig:
     """The checked configuration of a robot, or of a TOML file like a robot's own."""
-    from runtime.configuration import load
-    from runtime.robots.uslgo1.config import Uslgo1Config
+    from runtime.configuration import loads, read
 
     is_file = robot_or_file.endswith(".toml") or "/" in robot_or_file
     path = Path(robot_or_file) if is_file else configuration_file(robot_or_file)
-    return load(path, Uslgo1Config, overrides)
+    text = read(path)
+    return loads(text, _schema(text, path.name), place=path.name, overrides=overrides)
+
+
+def logged_configuration(config_text: str, overrides: Mapping[str, str] | None = None) -> RobotConfig:
+    """The checked configuration that a log carries."""
+    from runtime.configuration import loads
+
+    place = "the log's configuration"
+    return loads(config_text, _schema(config_text, place), place=place, overrides=overrides)
 
 
 def assemble(robot: str, config_text: str, overrides: Mapping[str, str] | None = None) -> tuple[Loop, ...]:
     """The loops of a robot, from the resolved configuration in a log."""
-    from runtime.configuration import loads
-    from runtime.robots.uslgo1.assembly import assemble as assemble_uslgo1
-    from runtime.robots.uslgo1.config import Uslgo1Config
-
     configuration_file(robot)
-    return assemble_uslgo1(loads(config_text, Uslgo1Config, place="the log's configuration", overrides=overrides)).loops
+    return assembled(logged_configuration(config_text, overrides)).loops
 
 
-def assembled(config: Uslgo1Config) -> Robot:
+def assembled(config: RobotConfig) -> Robot:
     """The robot that a configuration describes."""
-    from runtime.robots.uslgo1.assembly import assemble as assemble_uslgo1
+    robot: Robot = _part(config.robot, "assembly").assemble(config)
+    return robot
 
-    return assemble_uslgo1(config)
 
-
-def description(config: Uslgo1Config) -> str:
+def description(config: RobotConfig) -> str:
     """The robot that a configuration describes, as URDF."""
-    from runtime.models.urdf import quadruped_urdf
-    from runtime.safety.limits import joint_bounds
+    text: str = _part(config.robot, "description").description(config)
+    return text
 
-    safety, link = config.safety, config.link
-    bounds = joint_bounds(safety)
-    limits = safety.effort_max_nm, safety.velocity_max_radps
-    return quadruped_urdf(config.quadruped, config.robot, link.base_frame, bounds, *limits)
+
+def rehearse(config: RobotConfig) -> bool:
+    """Have the robot move in thought; true if it came to move."""
+    moved: bool = _part(config.robot, "rehearsal").rehearse(config)
+    return moved
+
+
+def _schema(text: str, place: str) -> type[RobotConfig]:
+    """The schema of the robot that a TOML text says it is of."""
+    from runtime.configuration import top_level
+
+    name = top_level(text, "robot", place)
+    if not isinstance(name, str) or name not in ROBOTS:
+        raise ConfigError(f"{place}: " + ("robot is missing" if name is None else unknown("robot", str(name), ROBOTS)))
+    schema: type[RobotConfig] = _part(name, "config").CONFIG
+    return schema
+
+
+def _part(robot: str, name: str) -> Any:
+    return import_module(f"runtime.robots.{_FOLDERS[robot]}.{name}")

@@ -19,12 +19,14 @@ from runtime.recording.setup import recording_setup
 from runtime.records import Record
 from runtime.robots import load_configuration, topics
 from runtime.robots.fresh_frames import FreshFrames
+from runtime.robots.robot import Robot
 from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.safety.limits import joint_bounds
 from runtime.signals import Fault, Gait, JointCommand, Mode, SafetyStatus
 from sim_bridge.courses import scenario
 from sim_bridge.faults.wires import FOREVER_NS, Inject, Wires
-from sim_bridge.run import NullSink, Wired, wire
+from sim_bridge.quadruped_world import QuadrupedWorld
+from sim_bridge.run import NullSink, wire
 
 WALKING_NS = 1_600_000_000
 """By then the robot trots at nearly its full speed."""
@@ -119,10 +121,12 @@ def attempt(row: Row, seed: int, out: Path | None = None) -> Trial:
         out: directory of a log; None records nothing.
     """
     config = load_configuration("uslgo1", row.settings)
+    assert isinstance(config, Uslgo1Config)
     rng = np.random.default_rng((seed, *row.name.encode()))
     begin_ns = WALKING_NS + int(rng.integers(config.gait.period_ns))
     end_ns = min(begin_ns + row.lasts_ns, FOREVER_NS)
     wired = wire(config, scenario("flat"), seed)
+    assert isinstance(wired.world, QuadrupedWorld)
     tasks = {item.task.name: item.task for loop in wired.robot.loops for item in loop.schedule}
     wires = Wires(config, wired.bus, wired.world, wired.inputs, tasks, rng)
     if row.mended is not None:
@@ -133,7 +137,7 @@ def attempt(row: Row, seed: int, out: Path | None = None) -> Trial:
         recorder = _Recorder(out, recording_setup(robot.loops, robot.name, dump(config), seed, robot.joint_names))
     gauge = _AgeGauge(MemoryWriter(wired.bus))
     outlet = FreshFrames(gauge, config.drives.command_age_max_ns)
-    watch = _Watch(row, config, wired, wires, begin_ns)
+    watch = _Watch(row, config, wired.robot, wires, begin_ns)
     executor = Lockstep(
         wired.robot.loops,
         wired.inputs,
@@ -169,12 +173,10 @@ class _AgeGauge:
 class _Watch:
     """Looks at every tick, and ends the run when there is nothing more to see."""
 
-    def __init__(self, row: Row, config: Uslgo1Config, wired: Wired, wires: Wires, begin_ns: int) -> None:
-        self._row, self._config, self._world, self._wires = row, config, wired.world, wires
+    def __init__(self, row: Row, config: Uslgo1Config, robot: Robot, wires: Wires, begin_ns: int) -> None:
+        self._row, self._config, self._world, self._wires = row, config, wires.world, wires
         self._begin_ns = begin_ns
-        records: dict[str, Record] = {
-            r.topic: r for loop in wired.robot.loops for r in (*loop.port_inputs, *loop.writes)
-        }
+        records: dict[str, Record] = {r.topic: r for loop in robot.loops for r in (*loop.port_inputs, *loop.writes)}
         self._status: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
         self._gait: Gait = records[topics.GAIT]  # type: ignore[assignment]
         self._command: JointCommand = records[topics.JOINT_COMMAND_SAFE]  # type: ignore[assignment]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.configuration import dump, load, loads, parse_overrides
+from runtime.configuration import dump, loads, parse_overrides, read
 from runtime.errors import ConfigError
 
 
@@ -181,11 +181,11 @@ def test_an_assignment_without_key_or_value_is_refused(assignment: str) -> None:
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     for path, reason in ((tmp_path / "none.toml", "No such file"), (tmp_path, "Is a directory")):
         with pytest.raises(ConfigError, match=reason):
-            load(path, Robot)
+            read(path)
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"a = '\xff'")
     with pytest.raises(ConfigError, match=r"binary.toml: byte 5 is not UTF-8"):
-        load(binary, Robot)
+        read(binary)
 
 
 KEYS = st.sampled_from(

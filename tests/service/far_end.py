@@ -23,8 +23,9 @@ from runtime.signals import Motion, Request
 from sim_bridge.live_world import LiveWorld
 from sim_bridge.outlets import sources_of
 from sim_bridge.ros_outlet import RosOutlet
-from sim_bridge.run import chosen_scenario, rehearse, world_of
+from sim_bridge.run import rehearse
 from sim_bridge.script import PRIORITY, SOURCE, ScriptedOperator, ScriptedPath
+from sim_bridge.simulation import simulation_of
 
 STANDING_S = 3600.0
 
@@ -71,7 +72,8 @@ class Operator:
 
 def main(configuration: str, directory: Path) -> None:
     config = load_configuration(configuration)
-    course = replace(chosen_scenario("stand", config, 0), stand_s=STANDING_S)
+    simulation = simulation_of(config)
+    course = replace(simulation.scenario("stand", 0), stand_s=STANDING_S)
     rehearse(config.robot, config.variant.estimator, config.variant.controller)
     stop = []
     signal.signal(signal.SIGTERM, lambda *_: stop.append(True))
@@ -79,10 +81,11 @@ def main(configuration: str, directory: Path) -> None:
     with ExitStack() as stack:
         wires = stack.enter_context(closing(open_device_end(config.drives.interface, config.drives.channels)))
         ros = stack.enter_context(RosOutlet(config.link))
-        world = world_of(config, course, course.terrain(0), wires, 0)
+        world = simulation.world(course, course.terrain(0), wires, 0)
         operator = Operator(course, config.posture.rise_s)
-        sources = sources_of(world, operator, ScriptedPath(course), config, ros, ros, directory)
-        loops = (*assemble(config).loops, link_loop(config.link, config.realtime.link_priority))
+        loops = assemble(config).loops
+        sources = sources_of(simulation, world, operator, ScriptedPath(course), loops, ros, ros, directory)
+        loops = (*loops, link_loop(config.link, config.realtime.link_priority))
         ticks = partial(CompanionTicks, loops, SIM, TickStream(directory / RECORDER_SOCKET))
         print("ready", flush=True)
         LiveWorld(world, wires, config.simulation.time_step_ns, sources, ticks).run(lambda now_ns: bool(stop))

@@ -19,10 +19,10 @@ class Robot:
     def __init__(self):
         loops = assemble(CONFIG).loops
         written = {record.topic: record for loop in loops for record in loop.writes}
-        self.records = {topic: written[topic] for topic in WATCHED}
+        self.records = {topic: written[topic] for topic in (*WATCHED, topics.GAIT)}
         self.safety, self.gait = self.records[topics.SAFETY], self.records[topics.GAIT]
         self.command, self.asked = self.records[topics.BODY_COMMAND], self.records[topics.OPERATOR]
-        self.operator = EnduringOperator(scenario("circle-6cm"), self.records)
+        self.operator = EnduringOperator(scenario("circle-6cm"), self.records, lambda: self.gait.balancing)
         self.event = OperatorEvent("/event")
         path = next(r for loop in loops for r in loop.port_inputs if r.topic == topics.PATH)
         self.path: Path = path.like()

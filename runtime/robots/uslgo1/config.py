@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from drivers.bus_load import check_bus_load
+from drivers.bus_load import check_bus_load, worst_bus_load
 from drivers.dialects import Ranges, dialect_named
 from drivers.errors import DriverConfigError
 from drivers.joint_group import JointGroup
@@ -23,9 +23,8 @@ from runtime.legged.posture import PostureConfig
 from runtime.legged.swing import SwingConfig
 from runtime.models.inertial import InertialConfig
 from runtime.models.quadruped import JOINT_NAMES, Quadruped
-from runtime.robots.link_config import LinkConfig
+from runtime.robots.robot_config import BusConfig, RobotConfig, Variant
 from runtime.robots.simulation import ScenarioConfig, SimulationConfig
-from runtime.safety.authority import AuthorityConfig
 from runtime.safety.config import SafetyConfig
 from runtime.safety.limits import joint_bounds
 from runtime.tracking.tracker_config import TrackerConfig
@@ -35,7 +34,7 @@ Pair = tuple[float, float]
 Budget = Annotated[int, msgspec.Meta(ge=0, le=NS_PER_SECOND)]
 
 
-class VariantConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class VariantConfig(Variant, frozen=True, forbid_unknown_fields=True):
     """Which algorithms run.
 
     Attributes:
@@ -91,47 +90,20 @@ class LoopsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return NS_PER_SECOND // self.mpc_hz
 
 
-class RealtimeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the processes share the machine.
-
-    Attributes:
-        control_processors, link_processors: numbers of the processors that they run on; empty for all.
-        link_priority: of the link's threads.
-        recorder_priority: of the recorder's threads, below all others; 0 for the normal one.
-        control_switch_interval_us: how long a loop that wants the interpreter waits for another that computes; it is
-            longer than a loop keeps it without a pause, so that the fast one is not interrupted for the slow one.
-        link_switch_interval_us: the same for the link, whose threads are many and not all its own.
-    """
-
-    control_processors: tuple[Annotated[int, msgspec.Meta(ge=0, le=1023)], ...] = ()
-    link_processors: tuple[Annotated[int, msgspec.Meta(ge=0, le=1023)], ...] = ()
-    link_priority: Annotated[int, msgspec.Meta(ge=1, le=98)] = 40
-    recorder_priority: Annotated[int, msgspec.Meta(ge=0, le=98)] = 20
-    control_switch_interval_us: Annotated[int, msgspec.Meta(ge=50, le=5000)] = 500
-    link_switch_interval_us: Annotated[int, msgspec.Meta(ge=50, le=5000)] = 100
-
-
-class DrivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class DrivesConfig(BusConfig, frozen=True, forbid_unknown_fields=True):
     """The motor drives and their buses; one list entry per joint, legs LF RF LH RH, joints ab/ad hip knee.
 
     Attributes:
         dialect: of the MIT-mode protocol.
-        interface: of python-can, by which the buses are opened: socketcan, or ugv-unix (a CAN hub on a socket file).
-        channels: of that interface, one a bus.
-        bit_rate_hz: of every bus.
         bus, can_id, direction: of each joint.
         offset_rad: angle of each joint at which its drive reads zero.
         gear_ratio: turns of the drive per turn of the joint.
         position_range_rad, velocity_range_radps, effort_range_nm, stiffness_range_nm_prad, damping_range_nms_prad: what
             the ends of the protocol's fields mean.
-        command_age_max_ns: an older command is replaced by damping.
-        fallback_damping_nms_prad: that damping.
+        fallback_damping_nms_prad: damping that replaces a command that has become too old.
     """
 
     dialect: str
-    interface: Literal["socketcan", "ugv-unix"]
-    channels: tuple[str, ...]
-    bit_rate_hz: Annotated[int, msgspec.Meta(ge=125_000, le=1_000_000)]
     bus: tuple[int, ...]
     can_id: tuple[int, ...]
     master_id: tuple[int, ...]
@@ -143,7 +115,6 @@ class DrivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     effort_range_nm: Pair
     stiffness_range_nm_prad: Pair
     damping_range_nms_prad: Pair
-    command_age_max_ns: Annotated[int, msgspec.Meta(gt=0, le=100_000_000)]
     fallback_damping_nms_prad: Annotated[float, msgspec.Meta(gt=0.0, le=5.0)]
 
     def check(self) -> None:
@@ -188,16 +159,14 @@ class DrivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         ]
 
 
-class Uslgo1Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Uslgo1Config(RobotConfig, frozen=True, forbid_unknown_fields=True):
     """All of USLGO1."""
 
     robot: Literal["uslgo1"]
     variant: VariantConfig
-    loops: LoopsConfig
-    realtime: RealtimeConfig
-    link: LinkConfig
-    quadruped: Quadruped
     drives: DrivesConfig
+    loops: LoopsConfig
+    quadruped: Quadruped
     posture: PostureConfig
     gait: GaitConfig
     swing: SwingConfig
@@ -208,10 +177,22 @@ class Uslgo1Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tracker: TrackerConfig
     inertial: InertialConfig
     kalman: KalmanConfig
-    authority: AuthorityConfig
     safety: SafetyConfig
     simulation: SimulationConfig
     scenario: ScenarioConfig
+
+    @property
+    def highest_priority(self) -> int:
+        """That of the fast loop."""
+        return max(self.loops.wbc_priority, self.loops.mpc_priority)
+
+    def bus_loads(self) -> list[float]:
+        """Share of each bus that its drives take at the worst, 0 to 1."""
+        drives, dialect = self.drives, dialect_named(self.drives.dialect)
+        return [
+            worst_bus_load(dialect, drives.bus.count(bus), self.loops.wbc_hz, drives.bit_rate_hz)
+            for bus in range(drives.buses)
+        ]
 
     def check(self) -> None:
         """Cross-checks between sections.
@@ -265,3 +246,7 @@ class Uslgo1Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             )
         if self.gait.period_ns % self.mpc.steps:
             raise ConfigError(f"gait.period_ns = {self.gait.period_ns} is no multiple of mpc.steps = {self.mpc.steps}")
+
+
+CONFIG = Uslgo1Config
+"""Under the name by which every robot's is found."""
