@@ -160,10 +160,8 @@ def next_targets(
     stopped_s = state.stopped_s + dt if max(map(abs, speed)) <= limits.stopped_radps else 0.0
     phase = _next_phase(state, wanted, mode, moving, stopped_s, steering, limits)
     held = WheelTargets(state.angles, (0.0,) * len(state.angles))
-    if phase == Phase.STOPPING:
+    if phase == Phase.STOPPING or not moving:
         return SteeringState(state.mode, phase, moving, stopped_s, state.angles), held
-    if not moving:
-        return SteeringState(state.mode, phase, False, stopped_s, state.angles), held
     share = 0.0
     if phase == Phase.ROLLING:
         share = steered_share(wanted.steering, steering, limits.full_speed_rad, limits.no_speed_rad)
@@ -186,7 +184,7 @@ def _next_phase(
     steering: Sequence[float],
     limits: SteeringLimits,
 ) -> int:
-    rested = stopped_s >= limits.stopped_s and stopped_s > 0.0
+    rested = stopped_s >= limits.stopped_s
     leap = mode != state.mode or _largest_change(wanted.steering, state.angles) > limits.jump_rad
     if state.phase == Phase.ROLLING and moving and leap:
         return int(Phase.STEERING) if rested else int(Phase.STOPPING)
@@ -195,8 +193,6 @@ def _next_phase(
             return int(Phase.ROLLING)
         return int(Phase.STEERING) if rested else int(Phase.STOPPING)
     if state.phase == Phase.STEERING and moving:
-        if not rested and leap:
-            return int(Phase.STOPPING)
         arrived = _largest_change(wanted.steering, steering) <= limits.steered_rad
         return int(Phase.ROLLING) if arrived else int(Phase.STEERING)
     return state.phase
