@@ -48,8 +48,8 @@ class WheelCommand(Record):
     enable = boolean("the motors are to be driven")
     steering = float64_array("wheel", "rad")
     speed = float64_array("wheel", "rad/s")
-    manner = uint8("", "how the wheels are steered: the steering kinematics' mode")
-    scale = float64("", "share of the twist that is left where a wheel cannot go faster, 0 to 1")
+    manner = uint8("", "how the wheels are steered: 0 ackermann, 1 crab, 2 spin, 3 free")
+    phase = uint8("", "what the vehicle is at: 0 rolling, 1 stopping to be steered anew, 2 steering")
 
 
 class VehicleState(Record):
@@ -95,6 +95,7 @@ class TwistCommand(Record):
     stamp_ns = int64("ns")
     velocity = float64_array(2, "m/s", "forward and lateral, in base")
     yaw_rate = float64("rad/s")
+    manner = uint8("", "how the wheels are to be steered: 0 ackermann, 1 crab, 2 spin, 3 free")
     predicted = float64_array(3, "m, m, rad", "pose that the command is made for: the estimate after the delay")
     look_ahead = float64("m")
     target = float64_array(2, "m", "look-ahead point in odom")
