@@ -98,8 +98,6 @@ class EncodeUnitTask(Task):
     def step(self, now_ns: int) -> None:
         """One tick; see `Task`."""
         unit, command, output = self._unit, self._command, self._output
-        unit.encode(
-            command.mode, bool(command.enable), command.steering, command.speed, command.stamp_ns, now_ns
-        )
+        unit.encode(command.mode, bool(command.enable), command.steering, command.speed, command.stamp_ns, now_ns)
         output.stamp_ns, output.count = now_ns, COMMAND_FRAMES
         output.data[: unit.data.shape[0]] = unit.data

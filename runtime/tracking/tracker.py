@@ -4,15 +4,12 @@
 from __future__ import annotations
 
 import math
-import zlib
-
-import numpy as np
 
 from runtime.models.rotations import wrapped
 from runtime.signals import BodyCommand, BodyState, Mode, Motion, OperatorRequest, Path, SafetyStatus, Steering
 from runtime.tasks import Task
-from runtime.tracking.errors import PathError
-from runtime.tracking.inputs import line_of, planar_pose
+from runtime.tracking.followed_path import FollowedPath
+from runtime.tracking.inputs import planar_pose
 from runtime.tracking.polyline import ClosestPoint, Polyline
 from runtime.tracking.pure_pursuit import bearing, drift_angle, low_pass, pursuit_curvature
 from runtime.tracking.speed import (
@@ -57,22 +54,22 @@ class PathTracker(Task):
         self._path, self._body, self._command = path, body, command
         self._request, self._safety = request, safety
         self._state = TrackerState("/ugv/state/tracker", path.sizes)
-        self._line: Polyline | None = None
+        self._followed = FollowedPath(self._state)
         self.reads = (path, body, request, safety)
         self.writes = (command,)
         self.state = self._state
 
     def restore(self, data: bytes | memoryview) -> None:
         """Take up a saved state, and the path in it."""
-        held = self._held_path()
         super().restore(data)
-        if self._line is None or self._held_path() != held:
-            self._line = self._held_line()
+        self._followed.recall()
 
     def step(self, now_ns: int) -> None:
         """Track the path from the present body state."""
         state, command = self._state, self._command
-        self._take_path()
+        if self._followed.take(self._path):
+            state.arrived = state.turning = False
+            state.progress = -1.0 if state.count else 0.0
         dt = (now_ns - state.stamp_ns) * 1e-9 if state.stamp_ns else 0.0
         dt = min(max(dt, 0.0), self.config.longest_step_s)
         pose = planar_pose(self._body)
@@ -84,10 +81,10 @@ class PathTracker(Task):
         elif self._request.steering == Steering.VELOCITY:
             wanted = wanted_velocity(self._request, now_ns, self.config.velocity, self.config.speed)
             self._roam(pose, REST if self._halted else wanted, dt)
-        elif self._line is None:
+        elif self._followed.line is None:
             self._roam(pose, REST, dt)
         else:
-            self._track(self._line, pose, dt)
+            self._track(self._followed.line, pose, dt)
         state.stamp_ns = now_ns
 
     @property
@@ -95,54 +92,6 @@ class PathTracker(Task):
         """Whether the robot is to slow to a stand."""
         asked = self._safety.mode == Mode.ACTIVE and self._request.motion != Motion.WALK
         return asked or self._safety.halt != 0
-
-    def _take_path(self) -> None:
-        """Take up the path signal where its bytes changed."""
-        body = self._path.to_bytes()
-        checksum = zlib.crc32(body)
-        state = self._state
-        if checksum == state.seen_path:
-            return
-        state.seen_path = checksum
-        path = self._path
-        if path.count == 0:
-            state.count = 0
-            state.progress = 0.0
-            state.arrived = state.turning = False
-            self._line = None
-            return
-        try:
-            line = line_of(path)
-        except PathError:
-            state.rejected_paths += 1
-            return
-        state.path_speed = path.speed
-        if self._follows(path):
-            return
-        self._line = line
-        state.count, state.closed = path.count, path.closed
-        state.x, state.y = path.x, path.y
-        state.arrived = state.turning = False
-        state.progress = -1.0
-
-    def _follows(self, path: Path) -> bool:
-        """Whether these waypoints are followed already."""
-        state, count = self._state, path.count
-        if state.count != count or state.closed != path.closed:
-            return False
-        return np.array_equal(state.x[:count], path.x[:count]) and np.array_equal(state.y[:count], path.y[:count])
-
-    def _held_path(self) -> tuple[int, bool, bytes, bytes]:
-        """All that the polyline is a function of."""
-        state = self._state
-        count = state.count
-        return count, bool(state.closed), state.x[:count].tobytes(), state.y[:count].tobytes()
-
-    def _held_line(self) -> Polyline | None:
-        state = self._state
-        if state.count == 0:
-            return None
-        return Polyline(np.column_stack((state.x[: state.count], state.y[: state.count])), bool(state.closed))
 
     def _halt(self) -> None:
         """Command rest at once, holding the heading."""

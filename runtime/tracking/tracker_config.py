@@ -8,7 +8,8 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from runtime.records import Record, boolean, float64, float64_array, int64, uint32
+from runtime.records import boolean, float64, int64
+from runtime.tracking.followed_path import FollowedPathMemory
 from runtime.tracking.look_ahead import FixedLookAhead, FuzzyLookAhead
 from runtime.tracking.speed import SpeedLimits
 from runtime.tracking.turn import TurnLimits
@@ -49,18 +50,13 @@ class TrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     longest_step_s: Seconds = 0.1
 
 
-class TrackerState(Record):
+class TrackerState(FollowedPathMemory):
     """All that the tracker remembers, the path it follows included."""
 
     stamp_ns = int64("ns", "of the last step, 0 before the first")
-    seen_path = uint32("", "checksum of the last path message, good or bad")
-    rejected_paths = uint32()
-    count = uint32("", "waypoints of the path that is followed, 0 none")
-    closed = boolean()
     arrived = boolean()
     turning = boolean("in place")
     oriented = boolean("the heading to hold is known")
-    path_speed = float64("m/s", "commanded")
     progress = float64("m")
     error_magnitude = float64("m", "filtered magnitude of the lateral error")
     drift = float64("rad", "filtered angle from heading to course")
@@ -69,5 +65,3 @@ class TrackerState(Record):
     yaw_rate = float64("rad/s", "ramped")
     trim = float64("", "share added to the speed")
     heading = float64("rad", "last heading while moving")
-    x = float64_array("path", "m")
-    y = float64_array("path", "m")

@@ -129,7 +129,7 @@ def test_a_restored_state_brings_its_own_path(drive):
     other = drive(straight(20.0))
     steps(other, 400)
     other.tracker.restore(saved)
-    assert other.tracker._line.length == run.line.length
+    assert other.tracker._followed.line.length == run.line.length
 
 
 def test_two_runs_are_identical(drive):

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The path that a tracker follows, taken from the path signal and held in the tracker's own memory."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+from runtime.records import Record, boolean, float64, float64_array, uint32
+from runtime.signals import Path
+from runtime.tracking.errors import PathError
+from runtime.tracking.inputs import line_of
+from runtime.tracking.polyline import Polyline
+
+
+class FollowedPathMemory(Record):
+    """The path that is followed, and what was made of the last path message."""
+
+    seen_path = uint32("", "checksum of the last path message, good or bad")
+    rejected_paths = uint32()
+    count = uint32("", "waypoints of the path that is followed, 0 none")
+    closed = boolean()
+    path_speed = float64("m/s", "commanded")
+    x = float64_array("path", "m")
+    y = float64_array("path", "m")
+
+
+class FollowedPath:
+    """Takes up paths; one whose contents cannot be followed is counted, and the one before is kept.
+
+    A path without waypoints withdraws the one that is followed. The same waypoints sent again only change the speed.
+
+    Args:
+        memory: where the path is held.
+
+    Attributes:
+        line: the path, None if there is none.
+    """
+
+    def __init__(self, memory: FollowedPathMemory) -> None:
+        self._memory = memory
+        self.line: Polyline | None = None
+        self._held = self._contents()
+
+    def take(self, path: Path) -> bool:
+        """Take up the path signal where its bytes changed; true if another path is followed now, or none any more."""
+        memory, checksum = self._memory, zlib.crc32(path.to_bytes())
+        if checksum == memory.seen_path:
+            return False
+        memory.seen_path = checksum
+        if path.count == 0:
+            memory.count, self.line = 0, None
+            return True
+        try:
+            line = line_of(path)
+        except PathError:
+            memory.rejected_paths += 1
+            return False
+        memory.path_speed = path.speed
+        if self._follows(path):
+            return False
+        memory.count, memory.closed = path.count, path.closed
+        memory.x, memory.y = path.x, path.y
+        self.line, self._held = line, self._contents()
+        return True
+
+    def recall(self) -> None:
+        """Make the path anew after the memory was restored, if it is another one."""
+        contents = self._contents()
+        if self.line is not None and contents == self._held:
+            return
+        memory, count, self._held = self._memory, self._memory.count, contents
+        points = np.column_stack((memory.x[:count], memory.y[:count]))
+        self.line = Polyline(points, bool(memory.closed)) if count else None
+
+    def _follows(self, path: Path) -> bool:
+        """Whether these waypoints are followed already."""
+        memory, count = self._memory, path.count
+        if memory.count != count or memory.closed != path.closed:
+            return False
+        return np.array_equal(memory.x[:count], path.x[:count]) and np.array_equal(memory.y[:count], path.y[:count])
+
+    def _contents(self) -> tuple[int, bool, bytes, bytes]:
+        """All that the polyline is a function of."""
+        memory, count = self._memory, self._memory.count
+        return count, bool(memory.closed), memory.x[:count].tobytes(), memory.y[:count].tobytes()
