@@ -9,6 +9,7 @@ import msgspec
 from msgspec import Meta
 
 from runtime.tracking.fuzzy import coefficient_changes
+from runtime.tracking.polyline import Polyline
 
 Distance = Annotated[float, Meta(ge=0.1, le=10.0)]
 Coefficient = Annotated[float, Meta(ge=-10.0, le=10.0)]
@@ -41,6 +42,10 @@ class FixedLookAhead(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     def __call__(self, lateral_error: float, error_rate: float, speed: float) -> LookAhead:
         """The distance."""
         return LookAhead(self.distance_m)
+
+    def along(self, path: Polyline, progress: float) -> float:
+        """The distance, m, wherever on the path."""
+        return self.distance_m
 
 
 class FuzzyLookAhead(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="fuzzy"):

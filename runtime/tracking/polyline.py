@@ -153,15 +153,30 @@ class Polyline:
             progress: arc length of the closest point, m.
             distance: look-ahead distance, m.
         """
+        i, px, py = self._leaving(x, y, progress, distance)
+        if i < 0:
+            return self.point(progress + distance)
+        return _leave_circle(px, py, self._x[i + 1], self._y[i + 1], x, y, distance)
+
+    def look_ahead_progress(self, x: float, y: float, progress: float, distance: float) -> float:
+        """Arc length of `look_ahead_point`, m."""
+        i, px, py = self._leaving(x, y, progress, distance)
+        if i < 0:
+            return progress + distance
+        px, py = _leave_circle(px, py, self._x[i + 1], self._y[i + 1], x, y, distance)
+        return self._s[i] + math.hypot(px - self._x[i], py - self._y[i])
+
+    def _leaving(self, x: float, y: float, progress: float, distance: float) -> tuple[int, float, float]:
+        """The segment that leaves the circle and where on it to start, or -1 where none does."""
         px, py = self.point(progress)
         if (px - x) ** 2 + (py - y) ** 2 >= distance * distance:
-            return self.point(progress + distance)
+            return -1, px, py
         for i in range(self._segment(progress), len(self._heading)):
             ex, ey = self._x[i + 1], self._y[i + 1]
             if (ex - x) ** 2 + (ey - y) ** 2 >= distance * distance:
-                return _leave_circle(px, py, ex, ey, x, y, distance)
+                return i, px, py
             px, py = ex, ey
-        return self.point(progress + distance)
+        return -1, px, py
 
 
 def _leave_circle(px: float, py: float, ex: float, ey: float, x: float, y: float, radius: float) -> tuple[float, float]:

@@ -93,7 +93,7 @@ def wheel_targets(
 
 
 def unsaturated(targets: WheelTargets, maximum_radps: float) -> WheelTargets:
-    """The targets with all speeds scaled alike until none exceeds the maximum, so that the motion keeps its direction."""
+    """The targets, all speeds scaled alike until none exceeds the maximum: the motion keeps its direction."""
     fastest = max(map(abs, targets.speed))
     if fastest <= maximum_radps:
         return targets

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An ideal unicycle that follows the tracker's commands."""
+"""Ideal vehicles that follow a tracker's commands: a unicycle, and a bicycle whose commands and poses come late."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -117,3 +119,113 @@ class Drive:
 @pytest.fixture
 def drive() -> type[Drive]:
     return Drive
+
+
+@dataclass
+class Bicycle:
+    """A kinematic vehicle, steered at its centre angle, that drives a path at a steady speed.
+
+    Attributes:
+        waypoints: the path.
+        controller: from a pose (x, y, yaw), centre angle and speed, as measured, to a speed and a curvature.
+        start: true pose at first; it stands with its wheels straight, or rolls already.
+        command_delay_s: from a command to the wheels.
+        pose_delay_s: age of the pose that the controller is given.
+        steering_rate: of the centre angle, rad/s.
+        steering_lag_s: first-order lag of the centre angle, before the rate limit.
+        period_s: of the controller.
+    """
+
+    waypoints: np.ndarray
+    controller: Callable[[tuple[float, float, float], float, float], tuple[float, float]]
+    closed: bool = False
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    command_delay_s: float = 0.0
+    pose_delay_s: float = 0.0
+    steering_rate: float = math.radians(20.0)
+    steering_lag_s: float = 0.0
+    acceleration: float = math.inf
+    speed: float = 0.0
+    period_s: float = 0.12
+    tick_s: float = 0.01
+    wheelbase: float = 1.17
+    window_m: float = 3.0
+
+    def __post_init__(self) -> None:
+        self.pose, self.angle = self.start, 0.0
+        self.line = Polyline(self.waypoints, self.closed)
+        self.poses = deque([self.pose], maxlen=round(self.pose_delay_s / self.tick_s) + 1)
+        self.pending = deque([(self.speed, 0.0)] * round(self.command_delay_s / self.tick_s))
+        self.ticks, self.progress, self.asked = 0, 0.0, (self.speed, 0.0)
+        self.lateral: list[float] = []
+        self.track: list[tuple[float, float, float]] = []
+        self.curvatures: list[float] = []
+
+    def step(self) -> None:
+        """One tick of the plant."""
+        if self.ticks % round(self.period_s / self.tick_s) == 0:
+            self.asked = self.controller(self.poses[0], self.angle, self.speed)
+            self.curvatures.append(self.asked[1])
+        self.pending.append(self.asked)
+        speed, curvature = self.pending.popleft()
+        change = self.acceleration * self.tick_s
+        self.speed = speed if math.isinf(change) else self.speed + min(max(speed - self.speed, -change), change)
+        wanted = math.atan(0.5 * self.wheelbase * curvature)
+        if self.steering_lag_s > 0.0:
+            wanted = self.angle + (wanted - self.angle) * self.tick_s / self.steering_lag_s
+        turn = self.steering_rate * self.tick_s
+        self.angle += min(max(wanted - self.angle, -turn), turn)
+        x, y, yaw = self.pose
+        yaw += self.tick_s * self.speed * 2.0 * math.tan(self.angle) / self.wheelbase
+        x, y = x + self.tick_s * self.speed * math.cos(yaw), y + self.tick_s * self.speed * math.sin(yaw)
+        self.pose = x, y, yaw
+        self.poses.append(self.pose)
+        self.ticks += 1
+        closest = self.line.closest(x, y, self.progress, self.window_m)
+        self.progress = closest.progress
+        self.track.append(self.pose)
+        self.lateral.append(math.copysign(closest.distance, closest.lateral_error))
+
+    def run(self, duration_s: float) -> Bicycle:
+        """Drive for a time."""
+        for _ in range(round(duration_s / self.tick_s)):
+            self.step()
+        return self
+
+    def mean_error(self, after_s: float = 0.0) -> float:
+        """Mean distance to the path, m."""
+        return float(np.mean(np.abs(self.lateral[round(after_s / self.tick_s) :])))
+
+    def settling_time(self, within_m: float = 0.05) -> float:
+        """When the error stays within a bound, s."""
+        outside = np.flatnonzero(np.abs(self.lateral) > within_m)
+        return float(outside[-1] + 1) * self.tick_s if len(outside) else 0.0
+
+    def overshoot(self) -> float:
+        """Largest error on the other side than at the start, m."""
+        return max(0.0, float(np.max(-math.copysign(1.0, self.lateral[0]) * np.array(self.lateral))))
+
+
+def following(policy: Any, waypoints: np.ndarray, speed: float, closed: bool = False) -> Any:
+    """A controller out of a pursuit: it keeps to one speed and remembers how far along the path it is."""
+    line, progress = Polyline(waypoints, closed), 0.0
+
+    def controller(pose: tuple[float, float, float], angle: float, measured: float) -> tuple[float, float]:
+        nonlocal progress
+        closest = line.closest(pose[0], pose[1], progress, 3.0, beyond_goal=True)
+        progress = closest.progress
+        return speed, policy(line, pose, closest).curvature
+
+    return controller
+
+
+@pytest.fixture
+def bicycle():
+    """The kinematic vehicle."""
+    return Bicycle
+
+
+@pytest.fixture
+def follower():
+    """What makes a controller of a pursuit."""
+    return following

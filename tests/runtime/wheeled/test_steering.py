@@ -72,9 +72,7 @@ def test_spin_turns_about_the_centre():
 @given(twists, four_angles)
 def test_wheels_roll_without_slip(twist, present):
     targets = wheel_targets(twist, VEHICLE, present, rest_mps=1e-9)
-    for (vx, vy), angle, speed in zip(
-        wheel_velocities(twist, VEHICLE), targets.steering, targets.speed, strict=True
-    ):
+    for (vx, vy), angle, speed in zip(wheel_velocities(twist, VEHICLE), targets.steering, targets.speed, strict=True):
         rolling = speed * VEHICLE.wheel_radius_m
         assert (rolling * math.cos(angle), rolling * math.sin(angle)) == pytest.approx((vx, vy), abs=1e-7)
         assert abs(angle) <= VEHICLE.steering_limit_rad

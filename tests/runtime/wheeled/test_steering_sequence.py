@@ -34,11 +34,11 @@ class Wheels:
 
     def step(self, twist, mode=SteeringMode.FREE):
         before = self.state
-        self.state, self.targets = next_targets(
-            self.state, twist, mode, self.steering, self.speed, DT, VEHICLE, LIMITS
-        )
-        self.steering = [_towards(a, b, self.step_angle) for a, b in zip(self.steering, self.targets.steering)]
-        self.speed = [_towards(a, b, self.step_speed) for a, b in zip(self.speed, self.targets.speed)]
+        self.state, self.targets = next_targets(self.state, twist, mode, self.steering, self.speed, DT, VEHICLE, LIMITS)
+        self.steering = [
+            _towards(a, b, self.step_angle) for a, b in zip(self.steering, self.targets.steering, strict=True)
+        ]
+        self.speed = [_towards(a, b, self.step_speed) for a, b in zip(self.speed, self.targets.speed, strict=True)]
         return before
 
     def run(self, twist, mode=SteeringMode.FREE, steps=600):
