@@ -39,10 +39,22 @@ def check_bus_load(
         DriverConfigError: if it is above the bound; the sentence names rate, load, bound and the highest possible rate.
     """
     load = worst_bus_load(dialect, drives, rate_hz, bit_rate)
+    return bearable(load, f"{drives} {dialect.name} drives", rate_hz, bit_rate, bus, bound)
+
+
+def bearable(
+    load: float, talkers: str, rate_hz: float, bit_rate: float, bus: str = "bus", bound: float = MAX_BUS_LOAD
+) -> float:
+    """A load that is known, if a bus can carry it.
+
+    Raises:
+        DriverConfigError: if it is above the bound; the sentence names who talks, rate, load, bound and the highest
+            possible rate.
+    """
     if load > bound:
         highest = rate_hz * bound / load
         raise DriverConfigError(
-            f"{bus}: {rate_hz:g} Hz with {drives} {dialect.name} drives loads {bit_rate / 1e6:g} Mbit/s by {load:.1%}, "
+            f"{bus}: {rate_hz:g} Hz with {talkers} loads {bit_rate / 1e6:g} Mbit/s by {load:.1%}, "
             f"above the bound of {bound:.0%}; at most {highest:.0f} Hz fit"
         )
     return load
