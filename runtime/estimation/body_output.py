@@ -7,30 +7,23 @@ import numpy as np
 import numpy.typing as npt
 
 from runtime.compiled import compiled
+from runtime.estimation.inertial_input import StepMemory
 from runtime.estimation.stance_plane import height_above, plane_normal, smoothed
 from runtime.models.leg_kinematics import LegState
 from runtime.models.vectors import cross, turned
-from runtime.records import Record, boolean, float64_array, int64
+from runtime.records import boolean, float64_array
 from runtime.signals import BodyState
 
 Array = npt.NDArray[np.float64]
 
 
-class StanceMemory(Record):
+class StanceMemory(StepMemory):
     """What the stance plane and the course must remember."""
 
-    step_ns = int64("ns", "time of the last step, 0 before the first")
     standing_known = boolean()
     stood = float64_array("foot_xyz", "m", "where each foot last stood (centre), in odom")
     normal = float64_array(3, "", "smoothed normal of the stance plane")
     course_velocity = float64_array(2, "m/s")
-
-
-@compiled
-def seconds_since_last(memory: StanceMemory, now_ns: int, period_s: float, longest_s: float) -> float:
-    """Time since the last step, of which this becomes one, s; the loop's period at the first."""
-    before_ns, memory.step_ns = memory.step_ns, now_ns
-    return min((now_ns - before_ns) * 1e-9, longest_s) if before_ns > 0 else period_s
 
 
 @compiled

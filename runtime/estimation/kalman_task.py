@@ -10,34 +10,28 @@ import numpy.typing as npt
 
 from runtime.compiled import compiled, table_of
 from runtime.estimation import kalman
-from runtime.estimation.body_output import StanceMemory, complete, seconds_since_last
+from runtime.estimation.body_output import StanceMemory, complete
 from runtime.estimation.contact import loaded_feet, normal_force, rest_deviation
+from runtime.estimation.inertial_input import InertialMemory, seconds_since_last, take_up
 from runtime.estimation.kalman_config import KalmanConfig
 from runtime.estimation.localization import LocalizationMemory, fuse_pose, remember
-from runtime.models.inertial import InertialConfig, is_finite_sample, is_plausible
+from runtime.models.inertial import InertialConfig
 from runtime.models.leg_dynamics import LegDynamics
 from runtime.models.leg_kinematics import LegState, leg_state
 from runtime.models.quadruped import Quadruped
 from runtime.models.rigid_body import GRAVITY
 from runtime.models.rotations import matrix_of_quaternion, quaternion_of_yaw, yaw_of_quaternion
 from runtime.models.vectors import turned
-from runtime.records import float64_array, int64, uint32
+from runtime.records import float64_array
 from runtime.signals import BodyState, Gait, Imu, JointState, OperatorRequest, Pose
 from runtime.tasks import Task
 
 Array = npt.NDArray[np.float64]
 
 
-class EstimatorMemory(LocalizationMemory, StanceMemory):
+class EstimatorMemory(LocalizationMemory, StanceMemory, InertialMemory):
     """The filter's state, and what it last took up."""
 
-    rate = float64_array(3, "rad/s", "last good sample")
-    acceleration = float64_array(3, "m/s^2", "last good sample")
-    last_sample = float64_array(6, "m/s^2, rad/s", "good or not")
-    imu_sequence = int64()
-    imu_stamp_ns = int64("ns", "of the last good sample")
-    imu_taken_ns = int64("ns", "when that was taken up")
-    samples_rejected = uint32()
     force = float64_array("foot", "N")
     joint_velocity = float64_array("joint", "rad/s", "of the tick before")
 
@@ -130,20 +124,9 @@ def _sample(
     Returns:
         Time since the last step, s; and positions, velocities and accelerations of the joints, (12,) each.
     """
-    config, memory, imu, joints = configs[0], memories[0], samples[0], all_joints[0]
+    config, memory, joints = configs[0], memories[0], all_joints[0]
     seconds = seconds_since_last(memory, now_ns, period_s, config.longest_step_s)
-    if imu.sequence != memory.imu_sequence:
-        memory.imu_sequence = imu.sequence
-        in_order = memory.imu_stamp_ns <= imu.stamp_ns <= now_ns + int(config.longest_step_s * 1e9)
-        good, last = np.concatenate((memory.acceleration, memory.rate)), memory.last_sample.copy()
-        memory.last_sample[:3], memory.last_sample[3:] = imu.linear_acceleration, imu.angular_velocity
-        if in_order and is_finite_sample(imu) and is_plausible(inertials[0], imu, good, last):
-            memory.rate[:] = imu.angular_velocity
-            memory.acceleration[:] = imu.linear_acceleration
-            memory.imu_stamp_ns, memory.imu_taken_ns = imu.stamp_ns, now_ns
-        else:
-            memory.samples_rejected += 1
-    if (now_ns - memory.imu_taken_ns) * 1e-9 > config.longest_step_s:
+    if not take_up(config, inertials[0], memory, samples[0], now_ns):
         _take_for_resting(memory)
     acceleration = (joints.velocity - memory.joint_velocity) / seconds
     memory.joint_velocity[:] = joints.velocity

@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from runtime.compiled import compiled, table_of
-from runtime.estimation.body_output import StanceMemory, complete, seconds_since_last
+from runtime.estimation.body_output import StanceMemory, complete
+from runtime.estimation.inertial_input import seconds_since_last
 from runtime.estimation.kalman_config import KalmanConfig
 from runtime.models.leg_kinematics import leg_state
 from runtime.models.quadruped import Quadruped
