@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from runtime.compiled import compiled
-from runtime.estimation.kalman_config import KalmanConfig
+from runtime.estimation.kalman_config import InertialFilterConfig
 from runtime.models.leg_kinematics import LegState
 from runtime.models.rigid_body import GRAVITY
 from runtime.models.rotations import (
@@ -66,7 +66,9 @@ def start(memory: KalmanMemory, position: Array, orientation: Array) -> None:
 
 
 @compiled
-def predict(memory: KalmanMemory, config: KalmanConfig, acceleration: Array, rate: Array, seconds: float) -> Array:
+def predict(
+    memory: KalmanMemory, config: InertialFilterConfig, acceleration: Array, rate: Array, seconds: float
+) -> Array:
     """Propagate by one IMU sample; returns the rotation matrix after it.
 
     Args:
@@ -162,11 +164,21 @@ def contact_measurement(
 
 
 @compiled
-def pose_measurement(config: KalmanConfig, position_error: Array, yaw_error: float) -> Measured:
-    """Position and yaw of the localisation sensor, as differences from the estimate at the pose's own stamp."""
+def pose_measurement(
+    config: InertialFilterConfig, position_error: Array, yaw_error: float, travelled: Array
+) -> Measured:
+    """Position and yaw of the localisation sensor, as differences from the estimate at the pose's own stamp.
+
+    Args:
+        config: noise.
+        position_error: differences, (3,), m.
+        yaw_error: difference, rad.
+        travelled: since then, in odom: a wrong direction turned this way too, so that the position was less wrong.
+    """
     residual, matrix, variance = np.empty(4), np.zeros((4, SIZE)), np.empty(4)
     residual[:3], residual[3] = position_error, yaw_error
     matrix[0, 0] = matrix[1, 1] = matrix[2, 2] = 1.0
+    matrix[:3, 6:9] = skew(travelled)
     matrix[3, 8] = 1.0
     variance[:3], variance[3] = config.localization_position_m**2, config.localization_yaw_rad**2
     return Measured(residual, matrix, variance)

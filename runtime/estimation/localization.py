@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from runtime.compiled import compiled
 from runtime.estimation import kalman
-from runtime.estimation.kalman_config import KalmanConfig
+from runtime.estimation.kalman_config import InertialFilterConfig
 from runtime.models.rotations import quaternion_of_yaw, quaternion_product, rotation_z, wrapped, yaw_of_quaternion
-from runtime.models.vectors import turned
+from runtime.models.vectors import cross, turned
 from runtime.records import float64_array, int64, int64_array, uint32
 from runtime.signals import Pose
 
@@ -49,7 +49,7 @@ def remember(memory: LocalizationMemory, now_ns: int) -> None:
 
 
 @compiled
-def fuse_pose(config: KalmanConfig, memory: LocalizationMemory, pose: Pose, believed: bool) -> bool:
+def fuse_pose(config: InertialFilterConfig, memory: LocalizationMemory, pose: Pose, believed: bool) -> bool:
     """Correct by a new pose, compared with the estimate at the time it was acquired.
 
     Args:
@@ -65,15 +65,14 @@ def fuse_pose(config: KalmanConfig, memory: LocalizationMemory, pose: Pose, beli
         return False
     memory.pose_sequence = pose.sequence
     past = memory.history.reshape(HISTORY, 4)
-    ages = np.abs(memory.history_ns - pose.stamp_ns)
-    slot = np.argmin(ages)
+    then, beside_ns = _pose_at(memory, pose.stamp_ns)
     finite = np.isfinite(pose.position).all() and np.isfinite(pose.orientation).all()
-    if not finite or ages[slot] > config.longest_step_s * 1e9:
+    if not finite or beside_ns > config.longest_step_s * 1e9:
         memory.poses_rejected += 1
         return False
     error = np.empty(4)
-    error[:3] = pose.position - past[slot, :3]
-    error[3] = wrapped(yaw_of_quaternion(pose.orientation) - past[slot, 3])
+    error[:3] = pose.position - then[:3]
+    error[3] = wrapped(yaw_of_quaternion(pose.orientation) - then[3])
     if not _agrees(config, memory, error):
         memory.poses_rejected += 1
         _dispute(config, memory, error)
@@ -82,16 +81,32 @@ def fuse_pose(config: KalmanConfig, memory: LocalizationMemory, pose: Pose, beli
             memory.pose_stamp_ns = pose.stamp_ns
         return believed
     memory.poses_disputed = 0
-    change = kalman.update(memory, kalman.pose_measurement(config, error[:3], error[3]))
+    present = memory.position.copy()
+    change = kalman.update(memory, kalman.pose_measurement(config, error[:3], error[3], present - then[:3]))
     for row in range(HISTORY):
-        past[row, :3] += change[0:3]
+        past[row, :3] += change[0:3] + cross(present - past[row, :3], change[6:9])
         past[row, 3] += change[8]
     memory.pose_stamp_ns = pose.stamp_ns
     return False
 
 
 @compiled
-def _agrees(config: KalmanConfig, memory: LocalizationMemory, error: Array) -> bool:
+def _pose_at(memory: LocalizationMemory, stamp_ns: int) -> tuple[Array, int]:
+    """The estimate of a past time, between the ticks around it (4,); and how far the nearest tick is from it, ns."""
+    past, count = memory.history.reshape(HISTORY, 4), memory.history_count
+    slot = np.argmin(np.abs(memory.history_ns - stamp_ns))
+    then, ahead_ns = past[slot].copy(), stamp_ns - memory.history_ns[slot]
+    newest, oldest = (count - 1) % HISTORY, count % HISTORY if count > HISTORY else 0
+    if (ahead_ns > 0 and slot != newest) or (ahead_ns < 0 and slot != oldest):
+        other = (slot + (1 if ahead_ns > 0 else -1)) % HISTORY
+        share = ahead_ns / (memory.history_ns[other] - memory.history_ns[slot])
+        then[:3] += share * (past[other, :3] - then[:3])
+        then[3] += share * wrapped(past[other, 3] - then[3])
+    return then, abs(ahead_ns)
+
+
+@compiled
+def _agrees(config: InertialFilterConfig, memory: LocalizationMemory, error: Array) -> bool:
     """Whether a difference is as small as the uncertainties, and no jump."""
     covariance = memory.covariance.reshape(kalman.SIZE, kalman.SIZE)
     for row, state in enumerate(POSE_STATES):
@@ -105,7 +120,7 @@ def _agrees(config: KalmanConfig, memory: LocalizationMemory, error: Array) -> b
 
 
 @compiled
-def _dispute(config: KalmanConfig, memory: LocalizationMemory, error: Array) -> None:
+def _dispute(config: InertialFilterConfig, memory: LocalizationMemory, error: Array) -> None:
     """Count a rejected pose that differs as the last one did."""
     alike = True
     for row in range(4):
