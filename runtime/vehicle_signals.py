@@ -9,6 +9,8 @@ frames of the vehicle's control unit).
 
 from __future__ import annotations
 
+from enum import IntEnum
+
 from runtime.records import (
     Record,
     boolean,
@@ -21,6 +23,19 @@ from runtime.records import (
     uint8_array,
     uint32,
 )
+
+
+class SteeringMode(IntEnum):
+    """Ways of steering.
+
+    In ACKERMANN front and rear wheels steer opposite, so that the centre of rotation lies on the lateral axis; in CRAB
+    all wheels are parallel; in SPIN the vehicle turns about its centre; FREE is any motion.
+    """
+
+    ACKERMANN = 0
+    CRAB = 1
+    SPIN = 2
+    FREE = 3
 
 
 class WheelState(Record):
@@ -48,7 +63,7 @@ class WheelCommand(Record):
     enable = boolean("the motors are to be driven")
     steering = float64_array("wheel", "rad")
     speed = float64_array("wheel", "rad/s")
-    manner = uint8("", "how the wheels are steered: 0 ackermann, 1 crab, 2 spin, 3 free")
+    manner = uint8("", "SteeringMode: 0 ackermann, 1 crab, 2 spin, 3 free")
     phase = uint8("", "what the vehicle is at: 0 rolling, 1 stopping to be steered anew, 2 steering")
 
 
@@ -95,7 +110,7 @@ class TwistCommand(Record):
     stamp_ns = int64("ns")
     velocity = float64_array(2, "m/s", "forward and lateral, in base")
     yaw_rate = float64("rad/s")
-    manner = uint8("", "how the wheels are to be steered: 0 ackermann, 1 crab, 2 spin, 3 free")
+    manner = uint8("", "SteeringMode that is asked for: 0 ackermann, 1 crab, 2 spin, 3 free")
     predicted = float64_array(3, "m, m, rad", "pose that the command is made for: the estimate after the delay")
     look_ahead = float64("m")
     target = float64_array(2, "m", "look-ahead point in odom")

@@ -16,6 +16,7 @@ from typing import Annotated, NamedTuple
 import msgspec
 from msgspec import Meta
 
+from runtime.vehicle_signals import SteeringMode
 from runtime.wheeled.geometry import VehicleGeometry
 from runtime.wheeled.steering import (
     STANDSTILL,
@@ -28,19 +29,6 @@ from runtime.wheeled.steering import (
 )
 
 Angle = Annotated[float, Meta(gt=0.0, le=math.pi)]
-
-
-class SteeringMode(enum.IntEnum):
-    """Ways of steering."""
-
-    ACKERMANN = 0
-    """Front and rear wheels opposite, the centre of rotation on the lateral axis (the paper's)."""
-    CRAB = 1
-    """All wheels parallel; the vehicle does not turn."""
-    SPIN = 2
-    """About the centre."""
-    FREE = 3
-    """Any motion."""
 
 
 class Phase(enum.IntEnum):
