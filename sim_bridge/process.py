@@ -92,7 +92,7 @@ def _part(task: Task, simulation: Simulation, course: Scenario, world: World, re
         return Part(operator, EnduringPath(operator), watcher.over, watcher.outcome)
     until_s = math.inf if task.until_s is None else task.until_s
     observer = Observer(world, records, simulation, course, until_s, _report)
-    return Part(simulation.operator(course), ScriptedPath(course), observer.over, lambda: outcome_of(observer, course))
+    return Part(simulation.operator(course, world), ScriptedPath(course), observer.over, lambda: outcome_of(observer, course))
 
 
 def _report(done_s: float, expected_s: float) -> None:

@@ -72,7 +72,7 @@ class QuadrupedSimulation:
         assert isinstance(world, QuadrupedWorld)
         return {topics.IMU: world.imu, topics.LOCALIZATION: world.localization, topics.BATTERY: world.battery}
 
-    def operator(self, course: Scenario) -> InputPort:
+    def operator(self, course: Scenario, world: World) -> InputPort:
         """Has the robot stand up and walk, or sit down again where there is no path."""
         return ScriptedOperator(course, self._config.posture.rise_s)
 

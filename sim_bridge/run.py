@@ -69,7 +69,7 @@ def wire(config: RobotConfig, course: Scenario, seed: int) -> Wired:
         topics.BUS_STATUS: BusMonitor(bus.health),
         **simulation.sensors(world),
         topics.TRUTH: world,
-        topics.OPERATOR_EVENT: simulation.operator(course),
+        topics.OPERATOR_EVENT: simulation.operator(course, world),
         topics.PATH: ScriptedPath(course),
     }
     outlet = FreshFrames(MemoryWriter(bus), config.drives.command_age_max_ns)

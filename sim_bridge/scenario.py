@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from runtime.errors import UgvError
+from sim_bridge.ground_friction import FrictionPatch
 from sim_bridge.terrain import HeightField
 
 TIME_FACTOR = 1.5
@@ -64,6 +65,10 @@ class Scenario:
         nominal_time_s: surface length over speed.
         stand_s: how long to stand before sitting down, where there is no path.
         push: the push, if any.
+        velocity: forward, lateral (m/s) and yaw rate (rad/s) that the operator asks for, until the robot is where the
+            path ends; None where the robot follows the path by itself.
+        turn_rad: how far to turn at that velocity, where there is no path.
+        patches: of ground with a friction of its own.
     """
 
     name: str
@@ -76,6 +81,9 @@ class Scenario:
     nominal_time_s: float
     stand_s: float = 0.0
     push: Push | None = None
+    velocity: tuple[float, float, float] | None = None
+    turn_rad: float = 0.0
+    patches: tuple[FrictionPatch, ...] = ()
 
     @property
     def time_limit_s(self) -> float:

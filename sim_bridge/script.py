@@ -74,7 +74,7 @@ class ScriptedPath:
     """Input port of the path, given once when the robot is to walk."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._scenario, self._given = scenario, not scenario.waypoints
+        self._scenario, self._given = scenario, not scenario.waypoints or scenario.velocity is not None
 
     def read(self, record: Record, now_ns: int) -> bool:
         """Give the path."""

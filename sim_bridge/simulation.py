@@ -74,8 +74,8 @@ class Simulation(Protocol):
     def sensors(self, world: World) -> Mapping[str, InputPort]:
         """What the robot is told of itself and of the world by other ways than its buses, by topic."""
 
-    def operator(self, course: Scenario) -> InputPort:
-        """The operator of one run of a scenario."""
+    def operator(self, course: Scenario, world: World) -> InputPort:
+        """The operator of one run of a scenario, who sees the robot."""
 
     def moves(self, records: Mapping[str, Record]) -> Callable[[], bool]:
         """Tells whether the robot is on its way, from what its loops write."""

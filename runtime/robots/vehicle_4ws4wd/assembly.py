@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The 4WS4WD vehicle's tasks in their loop, *drive*: control unit, estimate, tracker, steering, safety."""
+
+from __future__ import annotations
+
+from drivers.vcu import STATE_FRAMES, UnitCommandMode
+from runtime import signals, vehicle_signals
+from runtime.estimation.vehicle_filter_task import VehicleFilterTask
+from runtime.estimation.vehicle_truth_task import VehicleTruthTask
+from runtime.models.vehicle import WHEELS
+from runtime.robots import topics
+from runtime.robots.robot import Robot
+from runtime.robots.unit_tasks import DecodeUnitTask, EncodeUnitTask
+from runtime.robots.vehicle_4ws4wd.config import Vehicle4ws4wdConfig
+from runtime.safety.authority import AuthorityTask
+from runtime.safety.vehicle_task import VehicleSafetyTask
+from runtime.tasks import Loop, Scheduled, Task
+from runtime.tracking.drive_tracker import DriveTracker
+from runtime.wheeled.steering_task import SteeringTask
+
+PATH_CAPACITY = 1024
+FRAME_CAPACITY = 64
+"""A tick of a loop that was held up may find those of several periods."""
+JOINT_NAMES = tuple(f"{wheel}_{axis}" for axis in ("steering", "wheel") for wheel in WHEELS)
+
+
+def sizes(config: Vehicle4ws4wdConfig) -> dict[str, int]:
+    """Lengths of the signals' arrays."""
+    return {
+        "wheel": len(WHEELS),
+        "axle_drive": 2 * len(WHEELS),
+        "unit_frame": STATE_FRAMES,
+        "bus": config.drives.buses,
+        "frame": FRAME_CAPACITY,
+        "frame_byte": 16 * FRAME_CAPACITY,
+        "path": PATH_CAPACITY,
+    }
+
+
+class _Board:
+    """The signals of the loop, by topic."""
+
+    def __init__(self, lengths: dict[str, int]) -> None:
+        self.can_received = signals.CanFrames(topics.CAN_RECEIVED, lengths)
+        self.can_sent = signals.CanFrames(topics.CAN_SENT, lengths)
+        self.imu = signals.Imu(topics.IMU)
+        self.localization = signals.Pose(topics.LOCALIZATION)
+        self.battery = signals.Battery(topics.BATTERY)
+        self.truth = vehicle_signals.VehicleTruth(topics.TRUTH, lengths)
+        self.buses = signals.BusStatus(topics.BUS_STATUS, lengths)
+        self.timing = signals.LoopTiming(topics.TIMING)
+        self.event = signals.OperatorEvent(topics.OPERATOR_EVENT)
+        self.operator = signals.OperatorRequest(topics.OPERATOR)
+        self.path = signals.Path(topics.PATH, lengths)
+        self.wheels = vehicle_signals.WheelState(topics.WHEEL_STATE, lengths)
+        self.body = vehicle_signals.VehicleState(topics.BODY_STATE, lengths)
+        self.twist = vehicle_signals.TwistCommand(topics.BODY_COMMAND)
+        self.command = vehicle_signals.WheelCommand(topics.WHEEL_COMMAND, lengths)
+        self.command_safe = vehicle_signals.WheelCommand(topics.WHEEL_COMMAND_SAFE, lengths)
+        self.safety = signals.SafetyStatus(topics.SAFETY)
+
+
+def assemble(config: Vehicle4ws4wdConfig) -> Robot:
+    """Build every task and put them into the loop.
+
+    Args:
+        config: checked configuration.
+    """
+    return Robot("4ws4wd", (_drive_loop(config, _Board(sizes(config))),), JOINT_NAMES)
+
+
+def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
+    loops = config.loops
+    period_ns = loops.drive_period_ns
+    decode = DecodeUnitTask(config.drives.unit(), board.can_received, board.wheels, board.battery)
+    authority = AuthorityTask(config.authority, board.event, board.operator)
+    tracker = DriveTracker(
+        config.tracker,
+        config.controller,
+        loops.tracker_period_ns,
+        board.path,
+        board.body,
+        board.operator,
+        board.safety,
+        board.twist,
+    )
+    steering = SteeringTask(
+        config.geometry, config.steering, UnitCommandMode.DRIVE, period_ns, board.twist, board.wheels, board.command
+    )
+    safety = VehicleSafetyTask(
+        config.safety,
+        period_ns,
+        board.imu,
+        board.wheels,
+        board.body,
+        board.battery,
+        board.buses,
+        board.timing,
+        board.operator,
+        board.twist,
+        board.command,
+        board.command_safe,
+        board.safety,
+    )
+    encode = EncodeUnitTask(config.drives.unit(), board.command_safe, board.can_sent)
+    schedule = (
+        Scheduled(decode),
+        Scheduled(authority),
+        Scheduled(_estimator(config, board)),
+        Scheduled(tracker, loops.drive_hz // loops.tracker_hz),
+        Scheduled(steering),
+        Scheduled(safety),
+        Scheduled(encode),
+    )
+    inputs = (
+        board.can_received,
+        board.buses,
+        board.timing,
+        board.imu,
+        board.localization,
+        board.event,
+        board.path,
+        board.truth,
+    )
+    return Loop(
+        name="drive",
+        period_ns=period_ns,
+        budget_ns=loops.drive_budget_ns,
+        priority=loops.drive_priority,
+        port_inputs=inputs,
+        receives=(),
+        schedule=schedule,
+        port_outputs=(board.can_sent,),
+    )
+
+
+def _estimator(config: Vehicle4ws4wdConfig, board: _Board) -> Task:
+    if config.variant.estimator == "truth":
+        return VehicleTruthTask(board.truth, board.body)
+    vehicle = config.vehicle
+    return VehicleFilterTask(
+        vehicle.wheel_positions(),
+        vehicle.wheel_radius_m,
+        range(len(WHEELS)),
+        config.kalman,
+        config.inertial,
+        config.loops.drive_period_ns,
+        board.imu,
+        board.wheels,
+        board.localization,
+        board.operator,
+        board.body,
+    )

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A vehicle on four steered and driven wheels in simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+from drivers.device_end import Wires
+from runtime.executors.loop_run import InputPort
+from runtime.records import Record
+from runtime.robots import topics
+from runtime.robots.vehicle_4ws4wd.assembly import PATH_CAPACITY
+from runtime.robots.vehicle_4ws4wd.config import Vehicle4ws4wdConfig
+from runtime.tracking.path_csv import read_path_csv
+from runtime.vehicle_signals import TwistCommand
+from sim_bridge.drive_script import ScriptedDriver
+from sim_bridge.scenario import Push, Scenario
+from sim_bridge.script import ScriptedOperator
+from sim_bridge.simulation import World
+from sim_bridge.terrain import HeightField
+from sim_bridge.vehicle_courses import custom, scenario
+from sim_bridge.vehicle_world import VehicleWorld
+
+
+class VehicleSimulation:
+    """See `sim_bridge.simulation.Simulation`."""
+
+    warm_up, warm_up_ns = "flat", 1_500_000_000
+    fallen_clearance_m = -math.inf
+    watched = ()
+
+    def __init__(self, config: Vehicle4ws4wdConfig) -> None:
+        self._config, self.step_ns = config, config.simulation.time_step_ns
+
+    def scenario(self, name: str, seed: int) -> Scenario:
+        """The scenario of a name; the seed of `curve` counts through the shapes."""
+        is_file = name.lower().endswith(".csv")
+        chosen = custom(read_path_csv(name, capacity=PATH_CAPACITY)) if is_file else scenario(name, seed)
+        speed_mps = self._config.scenario.speed_mps
+        followed = chosen.waypoints and chosen.velocity is None
+        return chosen.with_speed(speed_mps) if speed_mps > 0.0 and followed else chosen
+
+    def world(self, course: Scenario, terrain: HeightField, wires: Wires, seed: int) -> VehicleWorld:
+        """The vehicle at the start of a scenario."""
+        config = self._config
+        return VehicleWorld(
+            config.vehicle,
+            config.simulation,
+            config.drives.unit().database,
+            terrain,
+            wires,
+            seed,
+            course.start_pose,
+            course.patches,
+        )
+
+    def sensors(self, world: World) -> Mapping[str, InputPort]:
+        """IMU and localisation; the battery is the control unit's to tell."""
+        assert isinstance(world, VehicleWorld)
+        return {topics.IMU: world.imu, topics.LOCALIZATION: world.localization}
+
+    def operator(self, course: Scenario, world: World) -> InputPort:
+        """Has the vehicle follow the path, or steers it by velocity."""
+        if course.velocity is None:
+            return ScriptedOperator(course, 0.0)
+        limits = self._config.tracker.speed
+        forward, lateral, yaw_rate = map(abs, course.velocity)
+        braking_s = max(max(forward, lateral) / limits.deceleration_mps2, yaw_rate / limits.yaw_acceleration_radps2)
+        return ScriptedDriver(course, world, 0.5 * braking_s)
+
+    def moves(self, records: Mapping[str, Record]) -> Callable[[], bool]:
+        """Whether any motion is asked for."""
+        twist = records[topics.BODY_COMMAND]
+        assert isinstance(twist, TwistCommand)
+        return lambda: bool(twist.velocity.any() or twist.yaw_rate)
+
+    def ready(self, records: Mapping[str, Record]) -> Callable[[], bool]:
+        """It can go whenever it stands."""
+        return lambda: True
+
+    def push_ns(self, push: Push, records: Mapping[str, Record], after_ns: int) -> int | None:
+        """At once."""
+        return after_ns
+
+
+SIMULATION = VehicleSimulation
+"""Under the name by which every robot's is found."""
