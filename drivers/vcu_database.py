@@ -104,11 +104,14 @@ class GuardedMessage:
         """Data bytes with the nearest values that the signals can hold.
 
         Args:
-            values: of all signals with a meaning, finite and within their ranges.
+            values: of all signals with a meaning, finite.
             alive: of the counter; its lowest bits are sent.
         """
-        raw: Mapping[str, float] = {**self._blank, **values, COUNTER: alive % self.counts}
-        data = bytearray(self._message.encode(raw, strict=False))
+        sent = dict(self._blank)
+        for name, (low, high, _) in self.ranges.items():
+            sent[name] = min(max(values[name], low), high)
+        sent[COUNTER] = alive % self.counts
+        data = bytearray(self._message.encode(sent, strict=False))
         data[self._checksum_byte] = self._checksum(data)
         return bytes(data)
 
@@ -147,6 +150,8 @@ class UnitDatabase:
         database = _loaded(path)
         self.commands = tuple(_guarded(database, path.name, name, units) for name, units in COMMANDS.items())
         self.states = tuple(_guarded(database, path.name, name, units) for name, units in STATES.items())
+        if len({message.counts for message in self.commands}) > 1:
+            raise DriverConfigError(f"{path.name}: the signals {COUNTER} of the commands differ in length")
         names: dict[int, str] = {}
         for message in (*self.commands, *self.states):
             other = names.setdefault(message.can_id, message.name)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from runtime.models.rotations import quaternion_of_vector, quaternion_product
 from runtime.records import Record
-from runtime.robots.simulation import SimulationConfig
+from runtime.robots.simulation import WorldConfig
 from runtime.signals import Battery, Imu, Pose
 
 Array = npt.NDArray[np.float64]
@@ -21,7 +21,7 @@ _NOISE_BLOCK = 128
 class InertialSensor:
     """An integrating IMU: each sample is the mean over its period, plus bias, bias walk and white noise."""
 
-    def __init__(self, config: SimulationConfig, generator: np.random.Generator) -> None:
+    def __init__(self, config: WorldConfig, generator: np.random.Generator) -> None:
         self._period_ns = NS_PER_SECOND // config.imu_rate_hz
         root_rate = np.sqrt(config.imu_rate_hz)
         self._noise = np.repeat((config.imu_acceleration_noise, config.imu_rate_noise), 3) * root_rate
@@ -72,7 +72,7 @@ class InertialSensor:
 class LocalizationSensor:
     """Stand-in for the lidar's SLAM: white unbiased noise, stamped at acquisition, delivered late."""
 
-    def __init__(self, config: SimulationConfig, generator: np.random.Generator) -> None:
+    def __init__(self, config: WorldConfig, generator: np.random.Generator) -> None:
         self._config, self._generator = config, generator
         self._period_ns = NS_PER_SECOND // config.localization_rate_hz
         self._pending: deque[tuple[int, int, Array, Array]] = deque()
@@ -105,7 +105,7 @@ class BatterySensor:
     IDLE_W = 40.0
     PERIOD_NS = 100_000_000
 
-    def __init__(self, config: SimulationConfig) -> None:
+    def __init__(self, config: WorldConfig) -> None:
         self._config = config
         self._voltage, self._capacity_as = config.battery_v, 3600.0 * config.battery_capacity_ah
         self._charge, self._current, self._next_ns = 1.0, 0.0, 0
@@ -115,12 +115,18 @@ class BatterySensor:
         self._current = (self.IDLE_W + max(power_w, 0.0)) / self._voltage
         self._charge -= self._current * seconds / self._capacity_as
 
+    @property
+    def state(self) -> tuple[float, float, float]:
+        """Voltage (V), current (A) and charge (0 to 1) at present."""
+        voltage = self._config.battery_v - self._config.battery_resistance_ohm * self._current
+        return voltage, self._current, self._charge
+
     def read(self, record: Record, now_ns: int) -> bool:
         """Give the state ten times a second, as an input port."""
         assert isinstance(record, Battery)
         if now_ns < self._next_ns:
             return False
         self._next_ns = now_ns + self.PERIOD_NS
-        record.stamp_ns, record.current, record.charge = now_ns, self._current, self._charge
-        record.voltage = self._config.battery_v - self._config.battery_resistance_ohm * self._current
+        record.stamp_ns = now_ns
+        record.voltage, record.current, record.charge = self.state
         return True
