@@ -27,6 +27,7 @@ def new_spec(config: WorldConfig, terrain: HeightField | None) -> mujoco.MjSpec:
         terrain: the height field, or None for an infinite plane at z = 0.
     """
     spec = mujoco.MjSpec()
+    spec.compiler.degree = False
     spec.option.timestep = config.time_step_ns * 1e-9
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = config.impedance_ratio
