@@ -10,7 +10,7 @@ from runtime.records import Record
 from runtime.signals import Motion, OperatorEvent, Request
 from sim_bridge.scenario import Scenario
 from sim_bridge.script import ARM_NS, PERIOD_NS, PRIORITY, SOURCE, STAND_NS, WALK_NS
-from sim_bridge.simulation import World
+from sim_bridge.world import World
 
 BEGIN_NS = WALK_NS + PERIOD_NS
 ORDERS = (

@@ -22,7 +22,8 @@ from runtime.signals import (
 from sim_bridge.observer import FALLEN_TILT_RAD, SAMPLE_NS
 from sim_bridge.scenario import Scenario
 from sim_bridge.script import PERIOD_NS, PRIORITY, SOURCE
-from sim_bridge.simulation import Simulation, World
+from sim_bridge.simulation import Simulation
+from sim_bridge.world import World
 
 WATCHED = (topics.SAFETY, topics.BODY_COMMAND, topics.OPERATOR)
 RESTED_NS = 1_000_000_000

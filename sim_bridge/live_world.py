@@ -19,7 +19,7 @@ from runtime.executors.linux import Alarm
 from runtime.executors.loop_run import InputPort
 from runtime.executors.switch_interval import switch_interval
 from runtime.records import Record
-from sim_bridge.simulation import World
+from sim_bridge.world import World
 
 START_AFTER_NS = 5_000_000
 POLL_NS = 1_000_000

@@ -11,7 +11,8 @@ from runtime.robots import topics
 from runtime.signals import Fault, Mode, SafetyStatus
 from sim_bridge.scenario import TIME_FACTOR, Scenario
 from sim_bridge.script import WALK_NS
-from sim_bridge.simulation import Simulation, World
+from sim_bridge.simulation import Simulation
+from sim_bridge.world import World
 
 Progress = Callable[[float, float], None]
 """Called with the virtual time reached and the time expected, s."""

@@ -13,7 +13,8 @@ from runtime.robots import topics
 from runtime.tasks import Loop
 from sim_bridge.live_world import Source
 from sim_bridge.ros_outlet import RosOutlet
-from sim_bridge.simulation import Simulation, World
+from sim_bridge.simulation import Simulation
+from sim_bridge.world import World
 
 
 class SharedOutlet:

@@ -40,12 +40,14 @@ from sim_bridge.live_world import LiveWorld
 from sim_bridge.observer import SAMPLE_NS, Observer
 from sim_bridge.outlets import sources_of
 from sim_bridge.ros_outlet import RosOutlet
-from sim_bridge.run import outcome_of, rehearse
+from sim_bridge.outcome import outcome_of
+from sim_bridge.run import rehearse
 from sim_bridge.scenario import Scenario
 from sim_bridge.script import ScriptedPath
-from sim_bridge.simulation import Simulation, World, simulation_of
+from sim_bridge.simulation import Simulation, simulation_of
 from sim_bridge.tick_mirror import TickMirror
 from sim_bridge.virtual_links import remove_orphaned_links
+from sim_bridge.world import World
 
 
 class Task(msgspec.Struct):
@@ -92,7 +94,9 @@ def _part(task: Task, simulation: Simulation, course: Scenario, world: World, re
         return Part(operator, EnduringPath(operator), watcher.over, watcher.outcome)
     until_s = math.inf if task.until_s is None else task.until_s
     observer = Observer(world, records, simulation, course, until_s, _report)
-    return Part(simulation.operator(course, world), ScriptedPath(course), observer.over, lambda: outcome_of(observer, course))
+    return Part(
+        simulation.operator(course, world), ScriptedPath(course), observer.over, lambda: outcome_of(observer, course)
+    )
 
 
 def _report(done_s: float, expected_s: float) -> None:

@@ -21,8 +21,8 @@ from sim_bridge.courses import custom, scenario
 from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.scenario import Push, Scenario
 from sim_bridge.script import ScriptedOperator
-from sim_bridge.simulation import World
 from sim_bridge.terrain import HeightField
+from sim_bridge.world import World
 
 PUSH_DIRECTIONS, PUSH_PHASES = 8, 4
 

@@ -23,7 +23,6 @@ from drivers.memory_ports import MemoryReader, MemoryWriter
 from runtime.configuration import dump
 from runtime.executors.lockstep import Lockstep
 from runtime.executors.loop_run import InputPort, OutputPort, TickSink
-from runtime.recording.metrics import path_metrics, push_recovery
 from runtime.recording.recorder import RecorderProcess
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup
 from runtime.robots import assembled, load_configuration, topics
@@ -31,12 +30,13 @@ from runtime.robots.fresh_frames import FreshFrames
 from runtime.robots.robot import Robot
 from runtime.robots.robot_config import RobotConfig
 from runtime.tasks import Loop
-from runtime.tracking.paths import Polyline
 from sim_bridge.observer import Observer, Progress
+from sim_bridge.outcome import outcome_of
 from sim_bridge.scenario import Scenario
 from sim_bridge.script import ScriptedPath
-from sim_bridge.simulation import World, simulation_of
+from sim_bridge.simulation import simulation_of
 from sim_bridge.terrain import HeightField
+from sim_bridge.world import World
 
 
 class NullSink:
@@ -166,26 +166,6 @@ def with_variant(overrides: Mapping[str, str] | None, estimator: str | None, con
     """Overrides, with those of the algorithms that were chosen by name."""
     named = {"variant.estimator": estimator, "variant.controller": controller}
     return {**(overrides or {}), **{key: name for key, name in named.items() if name is not None}}
-
-
-def outcome_of(observer: Observer, course: Scenario) -> dict[str, Any]:
-    """The part of the summary that says how the course was gone through."""
-    fault = "" if not observer.fault else str(observer.fault.name)
-    return {**_figures(observer, course), "fell": observer.fell, "fault": fault}
-
-
-def _figures(observer: Observer, course: Scenario) -> dict[str, Any]:
-    if not course.waypoints:
-        return {"completed": observer.stood_and_sat and not observer.fault}
-    path = Polyline(course.waypoints, course.closed)
-    t, x, y, yaw = np.array(observer.samples or [(0.0, *course.start_pose)]).T
-    metrics = path_metrics(t, np.stack((x, y), axis=1), yaw, path, course.time_limit_s, course.profile)
-    outcome = metrics.summary(course.speed_mps)
-    if course.push is not None:
-        fell = observer.fell or bool(observer.fault)
-        push = push_recovery(t, np.stack((x, y), axis=1), path, observer.push_end_s, course.speed_mps, fell)
-        outcome["push"] = push.summary()
-    return outcome
 
 
 def _timings(executor: Lockstep, loops: Sequence[Loop]) -> dict[str, Any]:

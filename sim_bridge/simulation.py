@@ -7,46 +7,15 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Protocol
 
-import numpy as np
-import numpy.typing as npt
-
 from drivers.device_end import Wires
 from runtime.executors.loop_run import InputPort
 from runtime.records import Record
 from runtime.robots.robot_config import RobotConfig
 from sim_bridge.scenario import Push, Scenario
 from sim_bridge.terrain import HeightField
+from sim_bridge.world import World
 
 _MODULES = {"uslgo1": "quadruped_simulation", "4ws4wd": "vehicle_simulation"}
-
-
-class World(Protocol):
-    """The far end of a robot's wires, and its true state."""
-
-    def advance(self, until_ns: int) -> None:
-        """Step the physics up to a time, and answer the frames that arrive meanwhile."""
-
-    def push(self, begin_ns: int, duration_ns: int, direction_rad: float, force_n: float) -> None:
-        """Push the robot at its centre of mass; the direction is relative to its present yaw and then stays."""
-
-    def read(self, record: Record, now_ns: int) -> bool:
-        """Give the true state, as an input port."""
-
-    @property
-    def position(self) -> npt.NDArray[np.float64]:
-        """True position of the robot's origin, m."""
-
-    @property
-    def yaw(self) -> float:
-        """True yaw, rad."""
-
-    @property
-    def tilt(self) -> float:
-        """True angle between the robot's z axis and the vertical, rad."""
-
-    @property
-    def clearance(self) -> float:
-        """True height of the robot's origin above the ground below it, m."""
 
 
 class Simulation(Protocol):

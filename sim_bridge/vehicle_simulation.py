@@ -17,10 +17,10 @@ from runtime.vehicle_signals import TwistCommand
 from sim_bridge.drive_script import ScriptedDriver
 from sim_bridge.scenario import Push, Scenario
 from sim_bridge.script import ScriptedOperator
-from sim_bridge.simulation import World
 from sim_bridge.terrain import HeightField
 from sim_bridge.vehicle_courses import custom, scenario
 from sim_bridge.vehicle_world import VehicleWorld
+from sim_bridge.world import World
 
 
 class VehicleSimulation:

@@ -10,7 +10,7 @@ from typing import Any
 from runtime.cli.console import print_table
 
 _CENTIMETRES, _DEGREES = 100.0, 180.0 / math.pi
-LOOPS = {"wbc": "WBC tick", "mpc": "MPC step"}
+LOOPS = {"wbc": "WBC tick", "mpc": "MPC step", "drive": "drive tick"}
 
 
 def print_summary(summary: Mapping[str, Any]) -> None:
@@ -40,6 +40,10 @@ def summary_rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield label, _joined(figures, scale, unit)
     if "push" in summary:
         yield "push", _push(summary["push"])
+    if "settling" in summary:
+        yield "onto the path", _settling(summary["settling"])
+    if "turn" in summary:
+        yield "turn", _turn(summary["turn"])
     for name, label in LOOPS.items():
         if f"{name}_ms" in summary:
             yield label, _joined(summary[f"{name}_ms"], 1.0, "ms")
@@ -72,6 +76,27 @@ def _joined(figures: Mapping[str, float], scale: float, unit: str) -> str:
 
 def _three_digits(value: float) -> str:
     return f"{value:.2f}" if abs(value) < 100.0 else f"{value:.0f}"
+
+
+def _settling(settling: Mapping[str, Any]) -> str:
+    words = []
+    if settling["time_s"] is not None:
+        words.append(f"settled in {settling['time_s']:.1f} s")
+    for key, what in (
+        ("overshoot_m", "overshoot"),
+        ("mean_25_s_m", "mean over 25 s"),
+        ("mean_approach_m", "over 12 s"),
+        ("mean_after_m", "after them"),
+    ):
+        if settling[key] is not None:
+            words.append(f"{what} {settling[key] * _CENTIMETRES:.1f} cm")
+    return ", ".join(words) or "never moved"
+
+
+def _turn(turn: Mapping[str, Any]) -> str:
+    turned, error, moved = turn["turned_rad"], turn["error_rad"], turn["displacement_m"]
+    degrees = f"{turned * _DEGREES:.1f} degrees, {error * _DEGREES:+.1f} from what was asked"
+    return f"{degrees}, displaced by up to {moved * _CENTIMETRES:.1f} cm"
 
 
 def _push(push: Mapping[str, Any]) -> str:

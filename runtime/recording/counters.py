@@ -25,6 +25,24 @@ class Counter(NamedTuple):
 
 COUNTERS = (
     Counter(
+        run_data.WHEEL_STATE,
+        "rejected",
+        "CAN frame was rejected: wrong length, unknown id, error frame, or a value out of range",
+        "CAN frames were rejected: wrong length, unknown id, error frame, or a value out of range",
+    ),
+    Counter(
+        run_data.WHEEL_STATE,
+        "corrupt",
+        "state frame of the control unit had a wrong checksum",
+        "state frames of the control unit had a wrong checksum",
+    ),
+    Counter(
+        run_data.WHEEL_STATE,
+        "stalled",
+        "state frame of the control unit had an alive counter that did not go on",
+        "state frames of the control unit had an alive counter that did not go on",
+    ),
+    Counter(
         run_data.JOINT_STATE,
         "rejected",
         "CAN frame was rejected: wrong length, unknown id, error frame, or a value out of range",

@@ -80,7 +80,8 @@ def warnings(data: RunData) -> list[str]:
         said.append("There is no summary.json beside the log.")
     if data.pose_topic != run_data.TRUTH:
         said.append("The log has no true pose, so errors are those of the estimate.")
-    said += [f"The log has no {what}." for topic, what in _EXPECTED.items() if topic not in data.signals]
+    expected = {**_EXPECTED, **(_OF_WHEELS if run_data.WHEEL_STATE in data.log.channels else _OF_JOINTS)}
+    said += [f"The log has no {what}." for topic, what in expected.items() if topic not in data.signals]
     if data.path is None and run_data.PATH in data.signals:
         said.append("No path of at least two points was given, so there are no tracking errors.")
     said += _safety_warnings(data) + timing_warnings(data)
@@ -89,10 +90,11 @@ def warnings(data: RunData) -> list[str]:
 
 _EXPECTED = {
     run_data.BODY_COMMAND: "body command (/ugv/body_command)",
-    run_data.JOINT_STATE: "joint state (/ugv/joint_state)",
     run_data.PATH: "path (/ugv/path)",
     run_data.SAFETY: "safety status (/ugv/safety)",
 }
+_OF_JOINTS = {run_data.JOINT_STATE: "joint state (/ugv/joint_state)"}
+_OF_WHEELS = {run_data.WHEEL_STATE: "wheel state (/ugv/wheel_state)"}
 
 
 def _safety_warnings(data: RunData) -> list[str]:
@@ -153,6 +155,7 @@ _CARDS: tuple[tuple[str, tuple[str, ...], float, str], ...] = (
     ("completion time", ("completion_time_s",), 1.0, "{:.2f} s"),
     ("MPC, median", ("mpc_ms", "median"), 1.0, "{:.2f} ms"),
     ("WBC tick, median", ("wbc_ms", "median"), 1.0, "{:.2f} ms"),
+    ("drive tick, median", ("drive_ms", "median"), 1.0, "{:.2f} ms"),
     ("real-time factor", ("realtime_factor",), 1.0, "{:.2f}"),
 )
 

@@ -26,6 +26,7 @@ from runtime.recording.figure_style import (
     stack,
     svg,
 )
+from runtime.recording.report_wheels import slip_figure, steering_figure, wheel_speed_figure
 from runtime.recording.run_data import RunData, yaw_of
 from runtime.recording.wake_figure import wake_figure
 from runtime.signals import Mode
@@ -40,6 +41,9 @@ def figures(data: RunData) -> list[ReportFigure]:
         _path_errors,
         _velocities,
         _torques,
+        steering_figure,
+        wheel_speed_figure,
+        slip_figure,
         _look_ahead,
         _estimate,
         _loop_times,
@@ -77,14 +81,14 @@ def _map(data: RunData) -> ReportFigure | None:
     if len(data.path_points):
         axes.plot(*data.path_points.T, color=INK, linewidth=2.2, linestyle=(0, (4, 2)), label="desired path")
     chosen = run_data.every(data.signals[data.pose_topic].log_ns, 20_000_000)
-    axes.plot(*position[chosen, :2].T, color=RED, linewidth=1.5, label="actual path (trunk)")
+    axes.plot(*position[chosen, :2].T, color=RED, linewidth=1.5, label="actual path (robot)")
     axes.plot(*position[0, :2], "o", color=GREEN, markersize=7, label="start")
     axes.plot(*position[-1, :2], "s", color=RED, markersize=6, label="end")
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x (m)", ylabel="y (m)")
     axes.legend(loc="lower left", ncols=4, bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
     whose = "true" if data.pose_topic == run_data.TRUTH else "estimated (the log has no true)"
     ground = " over the terrain's height" if data.terrain is not None else ""
-    return ReportFigure("Path", f"Desired path and {whose} path of the trunk{ground}.", svg(figure))
+    return ReportFigure("Path", f"Desired path and {whose} path of the robot{ground}.", svg(figure))
 
 
 def _path_errors(data: RunData) -> ReportFigure | None:
@@ -104,7 +108,7 @@ def _path_errors(data: RunData) -> ReportFigure | None:
         panel.set_ylabel(label)
     return ReportFigure(
         "Tracking errors",
-        "Trunk against the nearest path point, whose arc length only grows; yaw against the path's heading there.",
+        "Robot against the nearest path point, whose arc length only grows; yaw against the path's heading there.",
         svg(figure),
     )
 
@@ -131,7 +135,7 @@ def _velocities(data: RunData) -> ReportFigure | None:
         legend(panel)
     return ReportFigure(
         "Velocities",
-        "Linear velocity along and across the trunk's heading, and angular velocity about z.",
+        "Linear velocity along and across the robot's heading, and angular velocity about z.",
         svg(figure),
     )
 
@@ -178,20 +182,16 @@ def _look_ahead(data: RunData) -> ReportFigure | None:
     if not followed.any():
         return None
     t, rows = command.log_ns[followed] / 1e9, command.values[followed]
-    figure, axes = stack(3)
-    panels = (
-        ("$k_v$", rows["k_v"], BLUE),
-        ("$k_w$", rows["k_w"], ORANGE),
-        ("look-ahead (m)", rows["look_ahead"], GREEN),
-    )
+    panels = [("look-ahead (m)", rows["look_ahead"], GREEN)]
+    said = "Distance to the point that is pursued."
+    if "k_v" in (rows.dtype.names or ()):
+        panels = [("$k_v$", rows["k_v"], BLUE), ("$k_w$", rows["k_w"], ORANGE), *panels]
+        said = "Coefficients k_v and k_w of the fuzzy look-ahead (eq 17) and the distance they make."
+    figure, axes = stack(len(panels))
     for panel, (label, values, color) in zip(axes, panels, strict=True):
         line(panel, t, values, label, color)
         panel.set_ylabel(label)
-    return ReportFigure(
-        "Look-ahead",
-        "Coefficients k_v and k_w of the fuzzy look-ahead (eq 17) and the distance they make.",
-        svg(figure),
-    )
+    return ReportFigure("Look-ahead", said, svg(figure))
 
 
 def _estimate(data: RunData) -> ReportFigure | None:
@@ -213,7 +213,7 @@ def _estimate(data: RunData) -> ReportFigure | None:
     legend(axes[0])
     line(axes[1], t, np.degrees(np.angle(np.exp(1j * turn))), "yaw", VIOLET, 0.9)
     axes[1].set_ylabel("yaw (deg)")
-    return ReportFigure("Estimate", "Estimated minus true pose of the trunk.", svg(figure))
+    return ReportFigure("Estimate", "Estimated minus true pose of the robot.", svg(figure))
 
 
 def _loop_times(data: RunData) -> ReportFigure | None:

@@ -27,6 +27,7 @@ Array = npt.NDArray[np.float64]
 
 TRUTH, BODY_STATE, BODY_COMMAND = "/ugv/truth", "/ugv/body_state", "/ugv/body_command"
 JOINT_STATE, JOINT_COMMAND, PATH, SAFETY = "/ugv/joint_state", "/ugv/joint_command", "/ugv/path", "/ugv/safety"
+WHEEL_STATE, WHEEL_COMMAND = "/ugv/wheel_state", "/ugv/wheel_command_safe"
 GAIT, CONTACT_FORCES, CAN_RECEIVED = "/ugv/gait", "/ugv/contact_forces", "/ugv/can_received"
 _SIGNALS = (
     TRUTH,
@@ -34,6 +35,8 @@ _SIGNALS = (
     BODY_COMMAND,
     JOINT_STATE,
     JOINT_COMMAND,
+    WHEEL_STATE,
+    WHEEL_COMMAND,
     PATH,
     SAFETY,
     GAIT,

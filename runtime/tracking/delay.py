@@ -17,14 +17,18 @@ class CommandMemory(Record):
     """The last commands, the newest first: forward and lateral, m/s, and yaw rate, rad/s."""
 
     told = uint32("", "commands that are remembered")
-    forward = float64_array(CAPACITY, "m/s")
-    lateral = float64_array(CAPACITY, "m/s")
-    yaw_rate = float64_array(CAPACITY, "rad/s")
+    told_forward = float64_array(CAPACITY, "m/s")
+    told_lateral = float64_array(CAPACITY, "m/s")
+    told_yaw_rate = float64_array(CAPACITY, "rad/s")
 
 
 def remember(memory: CommandMemory, forward: float, lateral: float, yaw_rate: float) -> None:
     """Put a command before all others; the oldest is forgotten."""
-    for kept, newest in ((memory.forward, forward), (memory.lateral, lateral), (memory.yaw_rate, yaw_rate)):
+    for kept, newest in (
+        (memory.told_forward, forward),
+        (memory.told_lateral, lateral),
+        (memory.told_yaw_rate, yaw_rate),
+    ):
         kept[1:] = kept[:-1].copy()
         kept[0] = newest
     memory.told = min(memory.told + 1, CAPACITY)
@@ -41,7 +45,11 @@ def after_delay(pose: PlanarPose, memory: CommandMemory, delay_s: float, period_
     """
     periods = delay_s / period_s
     whole = min(math.ceil(periods), memory.told)
-    commands = (memory.forward[:whole].tolist(), memory.lateral[:whole].tolist(), memory.yaw_rate[:whole].tolist())
+    commands = (
+        memory.told_forward[:whole].tolist(),
+        memory.told_lateral[:whole].tolist(),
+        memory.told_yaw_rate[:whole].tolist(),
+    )
     for age in reversed(range(whole)):
         forward, lateral, yaw_rate = (values[age] for values in commands)
         pose = moved(pose, forward, lateral, yaw_rate, min(periods - age, 1.0) * period_s)

@@ -75,7 +75,7 @@ class DriveTracker(Task):
         command.clear()
         command.stamp_ns, command.rejected_paths = now_ns, memory.rejected_paths
         if pose is None:
-            memory.speed = memory.lateral = memory.turn_rate = 0.0
+            memory.speed = memory.lateral = memory.yaw_rate = 0.0
         elif self._request.steering == Steering.VELOCITY:
             wanted = wanted_velocity(self._request, now_ns, config.velocity, config.speed)
             self._roam(REST if self._halted else wanted, dt)
@@ -94,16 +94,16 @@ class DriveTracker(Task):
     def _publish(self, now_ns: int) -> None:
         memory, command = self.state, self._command
         command.velocity[0], command.velocity[1] = memory.speed, memory.lateral
-        command.yaw_rate, command.manner = memory.turn_rate, memory.manner
+        command.yaw_rate, command.manner = memory.yaw_rate, memory.manner
         command.progress, command.arrived = max(command.progress, memory.progress, 0.0), memory.arrived
-        remember(memory, memory.speed, memory.lateral, memory.turn_rate)
+        remember(memory, memory.speed, memory.lateral, memory.yaw_rate)
         memory.stamp_ns = now_ns
 
     def _roam(self, wanted: PlanarVelocity, dt: float) -> None:
         """Follow a velocity."""
         memory = self.state
-        present = PlanarVelocity(memory.speed, memory.lateral, memory.turn_rate)
-        memory.speed, memory.lateral, memory.turn_rate = approached(present, wanted, self._config.speed, dt)
+        present = PlanarVelocity(memory.speed, memory.lateral, memory.yaw_rate)
+        memory.speed, memory.lateral, memory.yaw_rate = approached(present, wanted, self._config.speed, dt)
         memory.turning, memory.manner = False, manner_of(wanted, memory.manner)
 
     def _track(self, line: Polyline, pose: PlanarPose, dt: float) -> None:
@@ -123,7 +123,7 @@ class DriveTracker(Task):
         command.heading_error = wrapped(pose[2] - closest.heading)
         command.remaining = max(remaining, 0.0)
         if memory.arrived:
-            memory.speed = memory.lateral = memory.turn_rate = 0.0
+            memory.speed = memory.lateral = memory.yaw_rate = 0.0
         else:
             self._drive(pursuit, bearing(*predicted, pursuit.target), remaining, dt)
 
@@ -140,9 +140,9 @@ class DriveTracker(Task):
         up, down = limits.acceleration_mps2, limits.deceleration_mps2
         memory.speed = ramped(memory.speed, min(wanted, reachable), up, down, dt)
         memory.lateral = ramped(memory.lateral, 0.0, up, down, dt)
-        memory.turn_rate, memory.manner = memory.speed * curvature, SteeringMode.ACKERMANN
+        memory.yaw_rate, memory.manner = memory.speed * curvature, SteeringMode.ACKERMANN
         if memory.turning and memory.speed <= 0.0:
-            memory.turn_rate = 0.0 if self._halted else turn_rate(off, self._config.turn)
+            memory.yaw_rate = 0.0 if self._halted else turn_rate(off, self._config.turn)
             memory.manner = SteeringMode.SPIN
 
 

@@ -61,5 +61,5 @@ class DriveTrackerMemory(FollowedPathMemory, CommandMemory):
     progress = float64("m")
     speed = float64("m/s", "ramped")
     lateral = float64("m/s", "ramped")
-    turn_rate = float64("rad/s", "ramped")
+    yaw_rate = float64("rad/s", "ramped")
     manner = uint8()
