@@ -175,12 +175,13 @@ def _uncertainty(
     config: VehicleFilterConfig, odometry: Odometry, spread: Array, residual: Array, seconds: float, fresh: bool
 ) -> Array:
     """Covariance of the measurement (4, 4): of the twist, wider if all wheels together do what cannot be; and of vz."""
-    twist = odometry.covariance.copy()
-    twist[0, 0] += config.twist_mps**2
-    twist[1, 1] += config.twist_mps**2
+    twist, vx, vy = odometry.covariance.copy(), odometry.twist[0], odometry.twist[1]
+    together = config.twist_mps**2 + config.twist_share**2 * (vx * vx + vy * vy)
+    twist[0, 0] += together
+    twist[1, 1] += together
     twist[2, 2] += config.twist_radps**2
     whitened = solve_lower(lower_factor(twist + spread), residual).ravel()
-    excess = max(1.0, dot(whitened, whitened) / config.twist_gate**2)
+    excess = (1.0 + dot(whitened, whitened) / config.twist_gate**2) ** 2
     uncertainty = np.zeros((4, 4))
     uncertainty[:3, :3] = excess * twist
     uncertainty[2, 2] += config.rate_noise**2 / seconds if fresh else RATE_UNKNOWN**2

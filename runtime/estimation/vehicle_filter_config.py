@@ -23,8 +23,9 @@ class VehicleFilterConfig(InertialFilterConfig, frozen=True, forbid_unknown_fiel
         steering_rad: of a steering angle.
         slip_gate: a wheel whose residual is this many standard deviations slips, and counts a quarter; see
             `wheel_odometry`.
-        twist_mps, twist_radps: standard deviations of what all wheels have wrong together.
-        twist_gate: innovations beyond this many standard deviations widen those of the twist.
+        twist_mps, twist_radps: standard deviations of what all wheels have wrong together, at any speed, and
+        twist_share: as a share of the speed.
+        twist_gate: the twist counts a quarter where it contradicts the filter by so many standard deviations.
         vertical_mps: standard deviation of the velocity along z of base.
         wheels_age_max_s: older readings of the wheels are not used.
         rest_speed_mps: the vehicle may be at rest while no wheel rolls faster, on average over
@@ -34,12 +35,15 @@ class VehicleFilterConfig(InertialFilterConfig, frozen=True, forbid_unknown_fiel
         rest_velocity_mps: standard deviation of its velocity then.
     """
 
+    localization_gate: Positive = 10.0
+    longest_step_s: Annotated[float, Meta(ge=0.001, le=1.0)] = 0.2
     rolling_mps: Positive = 0.01
     rolling_share: Share = 0.02
     lateral_mps: Positive = 0.02
     steering_rad: Positive = 0.01
     slip_gate: Positive = 3.0
-    twist_mps: Positive = 0.03
+    twist_mps: Positive = 0.02
+    twist_share: Share = 0.04
     twist_radps: Positive = 0.05
     twist_gate: Positive = 3.0
     vertical_mps: Positive = 0.05

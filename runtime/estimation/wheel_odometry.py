@@ -8,8 +8,8 @@ A wheel at (x, y) that rolls without slip moves at r s along its direction and a
 Four wheels give eight equations for three unknowns, solved by weighted least squares. A wheel that slips contradicts
 the others, and before that what is expected: both its equations count less, by Geman and McClure's weight
 (1 + e^2 / g^2)^-2 of its residual e in standard deviations and the gate g. The first weights come from what is
-expected, and the next from the solution, so that even most of the wheels may slip at once. What is expected has no
-other part in the twist.
+expected, and the next from what wheels and expectation say together, so that even most of the wheels may slip at once.
+What is expected has no other part in the twist.
 """
 
 from __future__ import annotations
@@ -105,12 +105,13 @@ def twist_of_wheels(
         spread: covariance of that, (3, 3).
     """
     weight = _weights(config, equations, usable, expected, spread)
-    nothing, twist, information = np.zeros((3, 3)), expected, np.eye(3)
+    known, certain = solve_positive(spread, np.eye(3)), np.zeros((3, 3))
     for _ in range(ROUNDS):
         information, sum_of_right = _normal_equations(equations, weight)
-        twist = solve_three(information, sum_of_right)
-        weight = _weights(config, equations, usable, twist, nothing)
-    return Odometry(twist, solve_positive(information, np.eye(3)), weight)
+        together = solve_three(information + known, sum_of_right + turned(known, expected))
+        weight = _weights(config, equations, usable, together, certain)
+    information, sum_of_right = _normal_equations(equations, weight)
+    return Odometry(solve_three(information, sum_of_right), solve_positive(information, np.eye(3)), weight)
 
 
 @compiled

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A vehicle that moves as it is told and is known exactly, with the sensors of a real one; for the tests."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 
 from runtime import signals, vehicle_signals
 from runtime.estimation.vehicle_filter_config import VehicleFilterConfig
@@ -37,6 +40,24 @@ def rpy_matrix(roll, pitch, yaw):
     return z @ y @ x
 
 
+@pytest.fixture(scope="session")
+def vehicle():
+    """Where the wheels of the vehicle are, their radius, and what they do at a twist."""
+    return SimpleNamespace(positions=POSITIONS, radius=RADIUS, wheels_for=wheels_for)
+
+
+@pytest.fixture(scope="session")
+def drive():
+    """`Drive`, whose parameters are those of one drive."""
+    return Drive
+
+
+@pytest.fixture(scope="session")
+def figure_eight():
+    """Twists along a Bernoulli lemniscate."""
+    return lemniscate
+
+
 class Drive:
     """The estimator, and a truth whose twist in base is set before each step.
 
@@ -56,6 +77,7 @@ class Drive:
         records = self.imu, self.wheels, self.pose, self.operator, self.state
         self.task = VehicleFilterTask(POSITIONS, RADIUS, range(4), self.config, InertialConfig(), PERIOD_NS, *records)
         self.pending, self.localized, self.spin, self.travelled = [], True, np.zeros(4), 0.0
+        self.broken = None
 
     @property
     def rotation(self):
@@ -72,8 +94,8 @@ class Drive:
         """Of base in odom."""
         return roll_pitch_yaw(self.rotation)[2]
 
-    def step(self, twist, seconds=0.01, measured=True):
-        """Move for a time, and estimate unless the tick is skipped."""
+    def step(self, twist, seconds=0.01, measured=True, felt=True):
+        """Move for a time, with an inertial sample or without, and estimate unless the tick is skipped."""
         before, self.twist = self.twist, np.array(twist, dtype=np.float64)
         mean = 0.5 * (before + self.twist)
         middle = self.plane[2] + 0.5 * seconds * mean[2]
@@ -81,7 +103,8 @@ class Drive:
         self.plane += seconds * np.array([c * mean[0] - s * mean[1], s * mean[0] + c * mean[1], mean[2]])
         self.travelled += seconds * np.hypot(mean[0], mean[1])
         self.now_ns += round(seconds * 1e9)
-        self.feel((self.twist - before) / seconds)
+        if felt:
+            self.feel((self.twist - before) / seconds)
         self.roll()
         self.localize()
         if measured:
@@ -103,7 +126,19 @@ class Drive:
         self.wheels.steering = steering
         self.wheels.speed = speed + self.noise["wheels"] * self.rng.standard_normal(4) + self.spin
         self.wheels.reply_ns[:] = self.now_ns
+        if self.broken is not None:
+            self.break_wheel(*self.broken)
         self.wheels.stamp_ns = self.now_ns
+
+    def break_wheel(self, how, wheel):
+        """Let a wheel say what must not be gone by."""
+        self.wheels.speed[wheel], self.wheels.steering[wheel] = 5.0, 1.0
+        if how == "old":
+            self.wheels.reply_ns[wheel] = 9_000 * MS
+        elif how == "nan":
+            self.wheels.speed[wheel] = np.nan
+        else:
+            self.wheels.fault[wheel] = 5
 
     def localize(self):
         """Acquire a pose where one is due, and deliver those that are late enough."""
