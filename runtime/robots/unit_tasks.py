@@ -6,15 +6,13 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.can_frame import as_frames
-from drivers.vcu import COMMAND_FRAMES, REJECTED, STATE_FRAMES, Counter, UnitReadings, VehicleUnit
+from drivers.vcu import COMMAND_FRAMES, REJECTED, STATE_FRAMES, UNIT_STATE, Counter, UnitReadings, VehicleUnit
 from runtime.records import Record, float64_array, uint8_array, uint32_array
 from runtime.signals import Battery, CanFrames
 from runtime.tasks import Task
 from runtime.vehicle_signals import WheelCommand, WheelState
 
 COUNTERS = len(Counter)
-UNIT_STATE = STATE_FRAMES - 2
-"""Which of the state frames tells of the unit itself and of the battery."""
 
 
 class UnitMemory(Record):

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from drivers.vcu import STATE_FRAMES, UnitCommandMode
+from drivers.vcu import STATE_FRAMES, TEMPERATURES, UnitCommandMode
 from runtime import signals, vehicle_signals
 from runtime.estimation.vehicle_filter_task import VehicleFilterTask
 from runtime.estimation.vehicle_truth_task import VehicleTruthTask
@@ -89,6 +89,11 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
     )
     safety = VehicleSafetyTask(
         config.safety,
+        config.inertial,
+        config.vehicle.wheel_radius_m,
+        [frame == TEMPERATURES for frame in range(STATE_FRAMES)],
+        UnitCommandMode.DRIVE,
+        UnitCommandMode.BRAKE,
         period_ns,
         board.imu,
         board.wheels,
