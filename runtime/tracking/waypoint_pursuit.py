@@ -11,6 +11,7 @@ from msgspec import Meta
 from runtime.tracking.curvature_look_ahead import CurvatureLookAhead
 from runtime.tracking.longitudinal import pursued_progress, pursued_waypoint
 from runtime.tracking.look_ahead import FixedLookAhead
+from runtime.tracking.motion import Motion
 from runtime.tracking.polyline import ClosestPoint, Polyline
 from runtime.tracking.pure_pursuit import pursuit_curvature
 
@@ -48,9 +49,9 @@ class WaypointPursuit(msgspec.Struct, frozen=True, forbid_unknown_fields=True, t
     longitudinal_gain: Gain = 0.0
     waypoint_spacing_m: Spacing = 0.3
 
-    def __call__(self, path: Polyline, pose: tuple[float, float, float], closest: ClosestPoint) -> Pursuit:
-        """The arc from a pose (x, y, yaw) whose closest point of the path is known."""
-        x, y, yaw = pose
+    def __call__(self, path: Polyline, motion: Motion, closest: ClosestPoint) -> Pursuit:
+        """The arc from where the vehicle is; the closest point of the path is known."""
+        x, y, yaw = motion[:3]
         distance, gain = self.look_ahead.along(path, closest.progress), self.longitudinal_gain
         spacing = self.waypoint_spacing_m
         if spacing > 0.0:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from runtime.signals import BodyCommand, BodyState, OperatorRequest, Path, SafetyStatus
+from runtime.tracking.motion import Motion
 from runtime.tracking.paths import Polyline
 from runtime.tracking.tracker import PathTracker
 from runtime.tracking.tracker_config import TrackerConfig
@@ -214,7 +215,7 @@ def following(policy: Any, waypoints: np.ndarray, speed: float, closed: bool = F
         nonlocal progress
         closest = line.closest(pose[0], pose[1], progress, 3.0, beyond_goal=True)
         progress = closest.progress
-        return speed, policy(line, pose, closest).curvature
+        return speed, policy(line, Motion(*pose, measured, angle), closest).curvature
 
     return controller
 

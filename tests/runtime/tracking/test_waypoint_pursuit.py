@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.tracking.longitudinal import pursued_progress, pursued_waypoint
+from runtime.tracking.motion import Motion
 from runtime.tracking.paths import circle
 from runtime.tracking.polyline import Polyline
 from runtime.tracking.waypoint_pursuit import PLAIN, WaypointPursuit
@@ -50,19 +51,19 @@ def test_a_waypoint_is_at_most_one_spacing_further(x, y, gain, look_ahead):
 
 def test_at_the_look_ahead_distance_the_circle_touches_the_waypoint_beside():
     """The paper's start: 1.5 m beside, L_a = 1.5 m gives R = 0.75 m and its Table II's 56.9 degrees."""
-    pursuit = PLAIN(PATH, (3.0, -1.5, 0.0), closest(3.0, -1.5))
+    pursuit = PLAIN(PATH, Motion(3.0, -1.5, 0.0), closest(3.0, -1.5))
     assert pursuit.target == pytest.approx((3.0, 0.0))
     assert pursuit.curvature == pytest.approx(1.0 / 0.75)
 
 
 def test_out_of_reach_the_path_is_met_further_on():
-    pursuit = PLAIN(PATH, (3.0, -2.5, 0.0), closest(3.0, -2.5))
+    pursuit = PLAIN(PATH, Motion(3.0, -2.5, 0.0), closest(3.0, -2.5))
     assert pursuit.target == pytest.approx((4.5, 0.0))
 
 
 @pytest.mark.parametrize(("gain", "longitudinal"), [(0.6, 0.9), (0.9, 1.5), (1.2, 1.8)])
 def test_the_constraint_takes_the_first_waypoint_far_enough_from_the_nearest(gain, longitudinal):
-    pursuit = WaypointPursuit(longitudinal_gain=gain)(PATH, (3.0, -1.5, 0.0), closest(3.0, -1.5))
+    pursuit = WaypointPursuit(longitudinal_gain=gain)(PATH, Motion(3.0, -1.5, 0.0), closest(3.0, -1.5))
     assert pursuit.target == pytest.approx((3.0 + longitudinal, 0.0))
 
 

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How fast a path may be driven for the bends that are ahead."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Protocol
+
+import msgspec
+from msgspec import Meta
+
+from runtime.tracking.curvature import mean_curvature
+from runtime.tracking.polyline import Polyline
+from runtime.tracking.speed import SpeedLimits, approach_speed, regulated_speed
+
+STATIONS = 4
+"""Places within the braking distance at which the path's curvature is looked at, besides the present one."""
+
+
+def bend_speed(path: Polyline, progress: float, wanted: float, limits: SpeedLimits, span_m: float) -> float:
+    """The wanted speed, m/s, or less, so that the limits hold here and, with the deceleration allowed, ahead.
+
+    Args:
+        path: the path.
+        progress: arc length of the vehicle, m.
+        wanted: m/s, positive.
+        limits: the limits.
+        span_m: length over which the path's curvature is taken.
+    """
+    allowed = regulated_speed(wanted, mean_curvature(path, progress, span_m), limits)
+    reach = 0.5 * allowed * allowed / limits.deceleration_mps2 + span_m
+    for station in range(1, STATIONS + 1):
+        way = reach * station / STATIONS
+        there = regulated_speed(wanted, mean_curvature(path, progress + way, span_m), limits)
+        allowed = min(allowed, math.sqrt(there * there + 2.0 * limits.deceleration_mps2 * way))
+    return allowed
+
+
+class SpeedPolicy(Protocol):
+    """How fast to drive."""
+
+    def __call__(self, path: Polyline, curvature: float, progress: float, remaining: float, wanted: float) -> float:
+        """The speed, m/s.
+
+        Args:
+            path: the path.
+            curvature: of the arc that is to be driven, 1/m.
+            progress: arc length of the vehicle, m.
+            remaining: arc length to where the vehicle is to stop, m.
+            wanted: m/s, positive.
+        """
+
+
+class PathSpeed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """As fast as the bends of the path, the arc that is driven and the goal allow.
+
+    Attributes:
+        limits: the limits.
+        span_m: length over which the path's curvature is taken.
+    """
+
+    limits: SpeedLimits
+    span_m: Annotated[float, Meta(ge=0.05, le=5.0)] = 0.6
+
+    def __call__(self, path: Polyline, curvature: float, progress: float, remaining: float, wanted: float) -> float:
+        """The speed, m/s."""
+        allowed = bend_speed(path, progress, wanted, self.limits, self.span_m)
+        return approach_speed(regulated_speed(allowed, curvature, self.limits), remaining, self.limits)
