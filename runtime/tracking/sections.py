@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -28,10 +29,10 @@ def split_at_cusps(points: npt.ArrayLike) -> list[Array]:
     if (np.hypot(steps[:, 0], steps[:, 1]) < MINIMUM_SPACING_M).any():
         return [array]
     headings = np.arctan2(steps[:, 1], steps[:, 0]).tolist()
-    turns = [abs(wrapped(after - before)) for before, after in zip(headings, headings[1:], strict=False)]
+    turns = [abs(wrapped(after - before)) for before, after in pairwise(headings)]
     cusps = [index + 1 for index, turn in enumerate(turns) if turn > MAXIMUM_TURN_RAD]
     bounds = [0, *cusps, len(array) - 1]
-    return [array[begin : end + 1] for begin, end in zip(bounds, bounds[1:], strict=False)]
+    return [array[begin : end + 1] for begin, end in pairwise(bounds)]
 
 
 def sections_of(points: npt.ArrayLike, closed: bool = False) -> list[Polyline]:
