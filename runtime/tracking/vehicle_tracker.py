@@ -14,7 +14,7 @@ from runtime.models.rotations import wrapped
 from runtime.tracking.motion import Motion
 from runtime.tracking.path_speed import PathSpeed, SpeedPolicy
 from runtime.tracking.polyline import ClosestPoint, Polyline
-from runtime.tracking.prediction import CommandHistory, predicted
+from runtime.tracking.prediction import CommandHistory
 from runtime.tracking.sections import begins_backwards, sections_of
 from runtime.tracking.speed import SpeedLimits, ramped
 from runtime.tracking.turn import TurnLimits, needs_turn, turn_rate
@@ -207,7 +207,9 @@ class VehicleTracker:
         speed = ramped(state.speed, wanted, limits.acceleration_mps2, limits.deceleration_mps2, dt)
         if state.arrived:
             speed = 0.0
-        curvature = state.curvature if turning else config.answer.slewed(state.curvature, pursuit.curvature, dt)
+        curvature = state.curvature
+        if not turning:
+            curvature = config.answer.slewed(curvature, pursuit.curvature, dt or config.longest_step_s)
         spin = turning and speed == 0.0 and not halted
         state = state._replace(speed=speed, curvature=curvature, turning=float(turning))
         self._scalars[:] = state
@@ -237,7 +239,7 @@ class VehicleTracker:
             return motion
         if turning:
             return motion._replace(yaw=motion.yaw + delay_s * motion.yaw_rate)
-        return predicted(motion, self._history.between(now_s - delay_s, now_s), self._config.answer)
+        return self._history.predicted(motion, now_s, delay_s, self._config.answer)
 
     def _present_section(self, state: TrackState, motion: Motion) -> tuple[TrackState, Polyline]:
         """The section to drive: the next one, once the vehicle stands at the end of one."""
