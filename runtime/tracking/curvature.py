@@ -15,3 +15,8 @@ def mean_curvature(path: Polyline, s: float, span_m: float) -> float:
     """
     before, after = s - 0.5 * span_m, s + 0.5 * span_m
     return wrapped(path.heading(after) - path.heading(before)) / span_m
+
+
+def curvatures_ahead(path: Polyline, s: float, spacing_m: float, count: int, span_m: float) -> list[float]:
+    """Mean curvature at arc lengths `s`, `s` + spacing, ..., 1/m."""
+    return [mean_curvature(path, s + spacing_m * station, span_m) for station in range(count)]
