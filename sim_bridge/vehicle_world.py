@@ -134,5 +134,5 @@ class VehicleWorld(World):
         assert isinstance(record, VehicleTruth)
         self._read_motion(record, now_ns)
         record.steering, record.speed = self.steering_angles, self.wheel_speeds
-        record.slip, record.load = self.slip_ratios(), self.loads()
+        record.slip, record.normal_force = self.slip_ratios(), self.loads()
         return True
