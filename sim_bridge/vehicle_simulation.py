@@ -64,7 +64,7 @@ class VehicleSimulation:
         """Has the vehicle follow the path, or steers it by velocity."""
         if course.velocity is None:
             return ScriptedOperator(course, 0.0)
-        limits = self._config.tracker.speed
+        limits = self._config.tracker.following.speed
         forward, lateral, yaw_rate = map(abs, course.velocity)
         braking_s = max(max(forward, lateral) / limits.deceleration_mps2, yaw_rate / limits.yaw_acceleration_radps2)
         return ScriptedDriver(course, world, 0.5 * braking_s)

@@ -1,41 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tracking task of a vehicle: from a path and the estimate to a motion of its centre."""
+"""The task that steers a vehicle: from a path, or a velocity asked for, to a motion of the vehicle's centre."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
-from runtime.models.rotations import wrapped
 from runtime.signals import Mode, Motion, OperatorRequest, Path, SafetyStatus, Steering
 from runtime.tasks import Task
-from runtime.tracking.delay import PlanarPose, after_delay, remember
+from runtime.tracking import motion
 from runtime.tracking.drive_tracker_config import DriveTrackerConfig, DriveTrackerMemory
 from runtime.tracking.followed_path import FollowedPath
-from runtime.tracking.polyline import ClosestPoint, Polyline
-from runtime.tracking.pure_pursuit import bearing
-from runtime.tracking.speed import approach_speed, ramped, regulated_speed
-from runtime.tracking.turn import needs_turn, turn_rate
+from runtime.tracking.path_speed import SpeedPolicy
+from runtime.tracking.sections import sections_of
+from runtime.tracking.vehicle_tracker import SteeringPolicy, TrackCommand, VehicleTracker
 from runtime.tracking.velocity import REST, PlanarVelocity, approached, wanted_velocity
-from runtime.tracking.waypoint_pursuit import Pursuit
-from runtime.vehicle_signals import SteeringMode, TwistCommand, VehicleState
-
-Controller = Callable[[Polyline, PlanarPose, ClosestPoint], Pursuit]
-"""Which arc to drive from a pose (x, y, yaw) whose closest point of the path is known."""
+from runtime.vehicle_signals import SteeringMode, TwistCommand, VehicleState, WheelState
 
 
 class DriveTracker(Task):
-    """Follows a path, or a velocity that the operator asks for, as `PathTracker` does on legs.
+    """Follows a path with a `VehicleTracker`, or a velocity that the operator asks for.
 
-    A path is run from its start, to its goal, once. The vehicle slows to a stand, and goes on from there, when safety
-    asks for it, when it is not asked to drive, or when there is no path any more. Where the path leads back behind it,
-    it turns in place first. The controller is asked for the arc at the pose that the command will find.
+    A path is run from its start, to its goal, once: the same waypoints sent again only change the speed, and are run
+    again only after a withdrawal. The vehicle slows to a stand, and goes on from there, when safety asks for it, when
+    it is not asked to drive, or when there is no path any more. While the estimate is not finite it is to stand.
 
     Args:
         config: parameters.
-        controller: pursues the path.
-        period_ns: between steps.
-        path, body, request, safety: records read.
+        policy: which arc to drive.
+        speed: how fast to drive it; None for as fast as bends and the goal allow.
+        path, body, wheels, request, safety: records read.
         command: record written.
     """
 
@@ -44,46 +37,52 @@ class DriveTracker(Task):
     def __init__(
         self,
         config: DriveTrackerConfig,
-        controller: Controller,
-        period_ns: int,
+        policy: SteeringPolicy,
+        speed: SpeedPolicy | None,
         path: Path,
         body: VehicleState,
+        wheels: WheelState,
         request: OperatorRequest,
         safety: SafetyStatus,
         command: TwistCommand,
     ) -> None:
-        self._config, self._controller, self._period_s = config, controller, period_ns * 1e-9
-        self._path, self._body, self._request, self._safety, self._command = path, body, request, safety, command
-        self.reads, self.writes = (path, body, request, safety), (command,)
+        self._config, self._path, self._body, self._wheels = config, path, body, wheels
+        self._request, self._safety, self._command = request, safety, command
+        self.reads, self.writes = (path, body, wheels, request, safety), (command,)
         self.state: DriveTrackerMemory = DriveTrackerMemory("/ugv/state/tracker", path.sizes)
-        self._followed = FollowedPath(self.state)
+        self._tracker = VehicleTracker(policy, config.following, self.state.tracked, speed)
+        self._tracker.forget()
+        self._followed = FollowedPath(self.state, sections_of)
 
     def restore(self, data: bytes | memoryview) -> None:
         """Take up a saved state, and the path in it."""
         super().restore(data)
-        self._followed.recall()
+        if self._followed.recall():
+            self._take_up()
 
     def step(self, now_ns: int) -> None:
         """One command; see `Task`."""
-        memory, command, config = self.state, self._command, self._config
+        memory, command = self.state, self._command
         if self._followed.take(self._path):
-            memory.arrived = memory.turning = False
-            memory.progress = -1.0 if memory.count else 0.0
-        dt = (now_ns - memory.stamp_ns) * 1e-9 if memory.stamp_ns else 0.0
-        dt = min(max(dt, 0.0), config.longest_step_s)
-        pose, line = pose_of(self._body), self._followed.line
+            memory.arrived, memory.progress = False, 0.0
+            self._take_up()
+            self._tracker.begin()
+        pose = pose_of(self._body)
         command.clear()
         command.stamp_ns, command.rejected_paths = now_ns, memory.rejected_paths
         if pose is None:
-            memory.speed = memory.lateral = memory.yaw_rate = 0.0
+            memory.forward = memory.lateral = memory.yaw_rate = 0.0
         elif self._request.steering == Steering.VELOCITY:
-            wanted = wanted_velocity(self._request, now_ns, config.velocity, config.speed)
-            self._roam(REST if self._halted else wanted, dt)
-        elif line is None:
-            self._roam(REST, dt)
+            wanted = wanted_velocity(self._request, now_ns, self._config.velocity, self._config.following.speed)
+            self._roam(REST if self._halted else wanted, now_ns)
+        elif self._followed.line is None:
+            self._roam(REST, now_ns)
         else:
-            self._track(line, pose, dt)
-        self._publish(now_ns)
+            self._follow(pose, now_ns)
+        command.velocity[0], command.velocity[1] = memory.forward, memory.lateral
+        command.yaw_rate, command.manner = memory.yaw_rate, memory.manner
+        command.progress, command.arrived = memory.progress, memory.arrived
+        memory.stamp_ns = now_ns
 
     @property
     def _halted(self) -> bool:
@@ -91,69 +90,53 @@ class DriveTracker(Task):
         drives = self._safety.mode == Mode.ACTIVE and self._request.motion == Motion.WALK
         return not drives or self._safety.halt != 0
 
-    def _publish(self, now_ns: int) -> None:
-        memory, command = self.state, self._command
-        command.velocity[0], command.velocity[1] = memory.speed, memory.lateral
-        command.yaw_rate, command.manner = memory.yaw_rate, memory.manner
-        command.progress, command.arrived = max(command.progress, memory.progress, 0.0), memory.arrived
-        remember(memory, memory.speed, memory.lateral, memory.yaw_rate)
-        memory.stamp_ns = now_ns
+    def _take_up(self) -> None:
+        memory, count = self.state, self.state.count
+        if count:
+            self._tracker.take(self._followed.points, bool(memory.closed))
 
-    def _roam(self, wanted: PlanarVelocity, dt: float) -> None:
+    def _roam(self, wanted: PlanarVelocity, now_ns: int) -> None:
         """Follow a velocity."""
-        memory = self.state
-        present = PlanarVelocity(memory.speed, memory.lateral, memory.yaw_rate)
-        memory.speed, memory.lateral, memory.yaw_rate = approached(present, wanted, self._config.speed, dt)
-        memory.turning, memory.manner = False, manner_of(wanted, memory.manner)
+        memory, following = self.state, self._config.following
+        dt = (now_ns - memory.stamp_ns) * 1e-9 if memory.stamp_ns else 0.0
+        present = PlanarVelocity(memory.forward, memory.lateral, memory.yaw_rate)
+        present = approached(present, wanted, following.speed, min(dt, following.longest_step_s))
+        memory.forward, memory.lateral, memory.yaw_rate = present
+        memory.manner = manner_of(wanted, memory.manner)
 
-    def _track(self, line: Polyline, pose: PlanarPose, dt: float) -> None:
-        memory, command, config = self.state, self._command, self._config
-        window = config.start_window_m if memory.progress < 0.0 else config.search_window_m
-        closest = line.closest(pose[0], pose[1], max(memory.progress, 0.0), window, beyond_goal=True)
-        memory.progress = closest.progress
-        remaining = line.length - closest.progress
-        memory.arrived = bool(memory.arrived) or remaining <= config.speed.goal_tolerance_m
-
-        predicted = after_delay(pose, memory, config.delay_s, self._period_s)
-        ahead = line.closest(predicted[0], predicted[1], closest.progress, window, beyond_goal=True)
-        pursuit = self._controller(line, predicted, ahead)
-
-        command.predicted, command.target, command.look_ahead = predicted, pursuit.target, pursuit.look_ahead
-        command.lateral_error = closest.lateral_error
-        command.heading_error = wrapped(pose[2] - closest.heading)
-        command.remaining = max(remaining, 0.0)
-        if memory.arrived:
-            memory.speed = memory.lateral = memory.yaw_rate = 0.0
-        else:
-            self._drive(pursuit, bearing(*predicted, pursuit.target), remaining, dt)
-
-    def _drive(self, pursuit: Pursuit, off: float, remaining: float, dt: float) -> None:
-        """Speed and yaw rate along the arc, or the yaw rate of a turn in place."""
-        memory, limits = self.state, self._config.speed
-        memory.turning = needs_turn(bool(memory.turning), off, self._config.turn)
-        bound = self._config.curvature_max_pm
-        curvature = min(max(pursuit.curvature, -bound), bound)
-        wanted = 0.0
-        if not (memory.turning or self._halted):
-            wanted = approach_speed(regulated_speed(memory.path_speed, curvature, limits), remaining, limits)
-        reachable = max(float(self._body.velocity[0]), 0.0) + limits.lead_mps
-        up, down = limits.acceleration_mps2, limits.deceleration_mps2
-        memory.speed = ramped(memory.speed, min(wanted, reachable), up, down, dt)
-        memory.lateral = ramped(memory.lateral, 0.0, up, down, dt)
-        memory.yaw_rate, memory.manner = memory.speed * curvature, SteeringMode.ACKERMANN
-        if memory.turning and memory.speed <= 0.0:
-            memory.yaw_rate = 0.0 if self._halted else turn_rate(off, self._config.turn)
-            memory.manner = SteeringMode.SPIN
+    def _follow(self, pose: tuple[float, float, float], now_ns: int) -> None:
+        """Follow the path."""
+        memory, command = self.state, self._command
+        forward, yaw_rate = float(self._body.velocity[0]), float(self._body.angular_velocity[2])
+        moving = motion.Motion(*pose, forward, centre_angle(self._wheels), yaw_rate)
+        wanted = self._tracker.step(now_ns * 1e-9, moving, memory.path_speed, self._config.delay_s, self._halted)
+        memory.forward, memory.lateral, memory.yaw_rate = wanted.speed, 0.0, wanted.yaw_rate
+        memory.manner = SteeringMode.SPIN if wanted.turning else SteeringMode.ACKERMANN
+        memory.arrived, memory.progress = wanted.arrived, wanted.progress
+        _tell(wanted, command)
 
 
-def pose_of(body: VehicleState) -> PlanarPose | None:
+def _tell(wanted: TrackCommand, command: TwistCommand) -> None:
+    """What is good to know of a command."""
+    command.predicted, command.target, command.look_ahead = wanted.pose, wanted.target, wanted.look_ahead
+    command.lateral_error, command.heading_error = wanted.lateral_error, wanted.heading_error
+    command.remaining = wanted.remaining
+
+
+def pose_of(body: VehicleState) -> tuple[float, float, float] | None:
     """Position and yaw, or None where the estimate is not finite or was never written."""
     x, y, _ = body.position.tolist()
     i, j, k, w = body.orientation.tolist()
-    values = (x, y, i, j, k, w, *body.velocity.tolist())
+    values = (x, y, i, j, k, w, *body.velocity.tolist(), *body.angular_velocity.tolist())
     if not all(map(math.isfinite, values)) or i * i + j * j + k * k + w * w < 0.25:
         return None
     return x, y, math.atan2(2.0 * (w * k + i * j), w * w + i * i - j * j - k * k)
+
+
+def centre_angle(wheels: WheelState) -> float:
+    """Steering angle of the bicycle that front and rear wheels together make, about, rad."""
+    front_left, front_right, rear_left, rear_right = wheels.steering.tolist()
+    return 0.25 * float(front_left + front_right - rear_left - rear_right)
 
 
 def manner_of(wanted: PlanarVelocity, present: int) -> int:

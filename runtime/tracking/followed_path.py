@@ -4,14 +4,19 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
+from typing import Generic, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from runtime.records import Record, boolean, float64, float64_array, uint32
 from runtime.signals import Path
 from runtime.tracking.errors import PathError
-from runtime.tracking.inputs import line_of
-from runtime.tracking.polyline import Polyline
+from runtime.tracking.inputs import waypoints_of
+
+Points = npt.NDArray[np.float64]
+Line = TypeVar("Line")
 
 
 class FollowedPathMemory(Record):
@@ -26,21 +31,22 @@ class FollowedPathMemory(Record):
     y = float64_array("path", "m")
 
 
-class FollowedPath:
+class FollowedPath(Generic[Line]):
     """Takes up paths; one whose contents cannot be followed is counted, and the one before is kept.
 
     A path without waypoints withdraws the one that is followed. The same waypoints sent again only change the speed.
 
     Args:
         memory: where the path is held.
+        make: makes what is followed of waypoints, n x 2, and whether they are closed; a `PathError` refuses them.
 
     Attributes:
-        line: the path, None if there is none.
+        line: what is followed, None if there is none.
     """
 
-    def __init__(self, memory: FollowedPathMemory) -> None:
-        self._memory = memory
-        self.line: Polyline | None = None
+    def __init__(self, memory: FollowedPathMemory, make: Callable[[Points, bool], Line]) -> None:
+        self._memory, self._make = memory, make
+        self.line: Line | None = None
         self._held = self._contents()
 
     def take(self, path: Path) -> bool:
@@ -53,7 +59,7 @@ class FollowedPath:
             memory.count, self.line = 0, None
             return True
         try:
-            line = line_of(path)
+            line = self._make(waypoints_of(path), bool(path.closed))
         except PathError:
             memory.rejected_paths += 1
             return False
@@ -65,14 +71,20 @@ class FollowedPath:
         self.line, self._held = line, self._contents()
         return True
 
-    def recall(self) -> None:
-        """Make the path anew after the memory was restored, if it is another one."""
+    def recall(self) -> bool:
+        """Make the path anew after the memory was restored; true if it is another one."""
         contents = self._contents()
         if self.line is not None and contents == self._held:
-            return
-        memory, count, self._held = self._memory, self._memory.count, contents
-        points = np.column_stack((memory.x[:count], memory.y[:count]))
-        self.line = Polyline(points, bool(memory.closed)) if count else None
+            return False
+        self._held = contents
+        self.line = self._make(self.points, bool(self._memory.closed)) if self._memory.count else None
+        return True
+
+    @property
+    def points(self) -> Points:
+        """The waypoints, n x 2, m."""
+        memory, count = self._memory, self._memory.count
+        return np.column_stack((memory.x[:count], memory.y[:count]))
 
     def _follows(self, path: Path) -> bool:
         """Whether these waypoints are followed already."""

@@ -6,10 +6,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from runtime.signals import BodyState, Path
 from runtime.tracking.errors import PathError
-from runtime.tracking.polyline import Polyline
 
 
 def planar_pose(body: BodyState) -> tuple[float, float, float] | None:
@@ -23,14 +23,14 @@ def planar_pose(body: BodyState) -> tuple[float, float, float] | None:
     return x, y, math.atan2(2.0 * (w * k + i * j), w * w + i * i - j * j - k * k)
 
 
-def line_of(path: Path) -> Polyline:
-    """The path signal as a polyline.
+def waypoints_of(path: Path) -> npt.NDArray[np.float64]:
+    """The waypoints of the path signal, n x 2, m.
 
     Raises:
-        PathError: if it cannot be followed.
+        PathError: if it claims more than there can be, or its speed is none.
     """
     if path.count > len(path.x):
         raise PathError(f"{path.topic}: the path claims {path.count} points, at most {len(path.x)} fit")
     if not (math.isfinite(path.speed) and path.speed > 0.0):
         raise PathError(f"{path.topic}: speed = {path.speed} m/s must be positive and finite")
-    return Polyline(np.column_stack((path.x[: path.count], path.y[: path.count])), bool(path.closed))
+    return np.column_stack((path.x[: path.count], path.y[: path.count]))

@@ -54,7 +54,7 @@ class PathTracker(Task):
         self._path, self._body, self._command = path, body, command
         self._request, self._safety = request, safety
         self._state = TrackerState("/ugv/state/tracker", path.sizes)
-        self._followed = FollowedPath(self._state)
+        self._followed = FollowedPath(self._state, Polyline)
         self.reads = (path, body, request, safety)
         self.writes = (command,)
         self.state = self._state

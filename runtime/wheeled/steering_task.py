@@ -59,7 +59,8 @@ class SteeringTask(Task):
         measured = self._wheels.steering.tolist()
         dt = (now_ns - memory.stamp_ns if memory.stamp_ns else self._period_ns) * 1e-9
         held = _held(memory) if memory.stamp_ns else standing(measured)
-        wanted = Twist(*twist.velocity.tolist(), twist.yaw_rate)
+        forward, lateral = twist.velocity.tolist()
+        wanted = Twist(forward, lateral, twist.yaw_rate)
         state, targets = next_targets(
             held, wanted, twist.manner, measured, self._wheels.speed.tolist(), dt, self._geometry, self._limits
         )

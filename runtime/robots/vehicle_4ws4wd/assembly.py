@@ -76,10 +76,11 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
     authority = AuthorityTask(config.authority, board.event, board.operator)
     tracker = DriveTracker(
         config.tracker,
-        config.controller,
-        loops.tracker_period_ns,
+        config.policy,
+        config.speed_policy,
         board.path,
         board.body,
+        board.wheels,
         board.operator,
         board.safety,
         board.twist,

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -19,6 +20,10 @@ from runtime.robots.robot_config import BusConfig, RobotConfig, Variant
 from runtime.robots.vehicle_simulation import VehicleSimulationConfig
 from runtime.safety.vehicle_config import VehicleSafetyConfig
 from runtime.tracking.drive_tracker_config import DriveTrackerConfig
+from runtime.tracking.path_speed import SpeedPolicy
+from runtime.tracking.regulated_pursuit import RegulatedPursuit, RegulatedSpeed
+from runtime.tracking.steered_return import SteeredReturn
+from runtime.tracking.vehicle_tracker import SteeringPolicy
 from runtime.tracking.waypoint_pursuit import WaypointPursuit
 from runtime.wheeled.geometry import VehicleGeometry
 from runtime.wheeled.steering_sequence import SteeringLimits
@@ -31,11 +36,11 @@ class VariantConfig(Variant, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         controller: of paper 002: fuzzy-ldc (look-ahead of Table I and longitudinal distance constraint), either alone,
-            or pure-pursuit (neither).
+            or pure-pursuit (neither); regulated pure pursuit; steered-return (as fast as the steering can follow).
         estimator: kalman, or truth (simulation only).
     """
 
-    controller: Literal["fuzzy-ldc", "fuzzy", "ldc", "pure-pursuit"] = "fuzzy-ldc"
+    controller: Literal["fuzzy-ldc", "fuzzy", "ldc", "pure-pursuit", "regulated", "steered-return"] = "fuzzy-ldc"
     estimator: Literal["kalman", "truth"] = "kalman"
 
 
@@ -98,13 +103,17 @@ class ControllersConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     """What each controller pursues.
 
     Attributes:
-        fuzzy_ldc, fuzzy, ldc, pure_pursuit: of the controller of that name.
+        fuzzy_ldc, fuzzy, ldc, pure_pursuit, regulated, steered_return: of the controller of that name.
+        regulated_speed: how fast the regulated one drives.
     """
 
     fuzzy_ldc: WaypointPursuit
     fuzzy: WaypointPursuit
     ldc: WaypointPursuit
     pure_pursuit: WaypointPursuit
+    regulated: RegulatedPursuit
+    regulated_speed: RegulatedSpeed
+    steered_return: SteeredReturn
 
 
 class ScenarioConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -143,19 +152,22 @@ class Vehicle4ws4wdConfig(RobotConfig, frozen=True, forbid_unknown_fields=True):
     def geometry(self) -> VehicleGeometry:
         """The vehicle as its steering kinematics see it."""
         vehicle = self.vehicle
-        return VehicleGeometry(
-            vehicle.wheelbase_m, vehicle.track_m, vehicle.wheel_radius_m, vehicle.steering_range_rad
-        )
+        return VehicleGeometry(vehicle.wheelbase_m, vehicle.track_m, vehicle.wheel_radius_m, vehicle.steering_range_rad)
 
     @property
-    def controller(self) -> WaypointPursuit:
-        """The one that was chosen."""
-        chosen: WaypointPursuit = getattr(self.controllers, self.variant.controller.replace("-", "_"))
+    def policy(self) -> SteeringPolicy:
+        """The controller that was chosen."""
+        chosen: SteeringPolicy = getattr(self.controllers, self.variant.controller.replace("-", "_"))
         return chosen
+
+    @property
+    def speed_policy(self) -> SpeedPolicy | None:
+        """How fast it drives, where it has a way of its own."""
+        return self.controllers.regulated_speed if self.variant.controller == "regulated" else None
 
     def bus_loads(self) -> list[float]:
         """Share of the bus that commands and states take at the worst, 0 to 1."""
-        return [self.drives.unit().check_bus_load(self.loops.drive_hz, self.drives.bit_rate_hz, float("inf"))]
+        return [self.drives.unit().check_bus_load(self.loops.drive_hz, self.drives.bit_rate_hz, bound=math.inf)]
 
     def check(self) -> None:
         """Cross-checks between sections.
@@ -182,7 +194,9 @@ class Vehicle4ws4wdConfig(RobotConfig, frozen=True, forbid_unknown_fields=True):
                 raise ConfigError(
                     f"simulation.{key} = {rate} gives a period that is no multiple of time_step_ns = {step_ns}"
                 )
-        self.tracker.check_delay(self.loops.tracker_period_ns * 1e-9)
+        longest_s = self.tracker.longest_delay_s(self.loops.tracker_period_ns * 1e-9)
+        if self.tracker.delay_s > longest_s:
+            raise ConfigError(f"tracker.delay_s = {self.tracker.delay_s:g} is above {longest_s:g}")
 
 
 CONFIG = Vehicle4ws4wdConfig
