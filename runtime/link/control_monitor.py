@@ -74,6 +74,10 @@ class ControlMonitor:
             if len(body) != self._channels[number].record.cdr_size:
                 raise ValueError("another length")
 
+    def knows(self, topic: str) -> bool:
+        """Whether the loops have such a signal."""
+        return topic in self._records
+
     def newest(self, topic: str, kind: type[AnyRecord]) -> AnyRecord | None:
         """The newest record of a topic, None before the first; it is overwritten by the next call."""
         body = self._bodies.get(topic)

@@ -14,10 +14,10 @@ from runtime.link.loop_statistics import spread
 from runtime.link.tally import Tally
 from runtime.messages.diagnostics import Level, Status
 from runtime.recording.recorder_status import RecorderStatus
+from runtime.records import Record
 from runtime.robots import topics
 from runtime.signals import (
     Battery,
-    BodyState,
     BusState,
     BusStatus,
     ContactForces,
@@ -27,6 +27,7 @@ from runtime.signals import (
     Mode,
     SafetyStatus,
 )
+from runtime.vehicle_signals import WheelState
 
 RECORDER_SILENT_NS = 3_000_000_000
 """It speaks once a second."""
@@ -111,10 +112,18 @@ class Diagnosis:
                 "hottest_degc": max(joints.temperature.tolist()),
             }
             yield self._counted("joints", {"rejected_frames": joints.rejected}, values, bool(joints.error.any()))
+        wheels = newest(topics.WHEEL_STATE, WheelState)
+        if wheels is not None:
+            values = {
+                "faults": " ".join(map(str, wheels.fault.tolist())),
+                "hottest_degc": max(wheels.temperature.tolist()),
+            }
+            counts = {name: int(getattr(wheels, name)) for name in ("rejected", "corrupt", "stalled")}
+            yield self._counted("wheels", counts, values, bool(wheels.fault.any()))
         buses = newest(topics.BUS_STATUS, BusStatus)
         if buses is not None:
             yield from self._buses(buses)
-        body = newest(topics.BODY_STATE, BodyState)
+        body: Any = newest(topics.BODY_STATE, Record)
         if body is not None:
             counts = {"rejected_imu": body.imu_rejected, "rejected_poses": body.localization_rejected}
             yield self._counted("estimator", counts, {"localization_age_ms": body.localization_age_ns / 1e6})

@@ -24,7 +24,7 @@ from runtime.messages.transform import TransformMessage, encode_fixed
 from runtime.records import Record
 from runtime.robots import topics
 from runtime.robots.link_config import LinkConfig
-from runtime.signals import Battery, BodyCommand, BodyState, JointState
+from runtime.signals import BodyState
 
 _DIGITS = 4
 _BURST = 2
@@ -38,20 +38,17 @@ class SignalOutput:
         publisher: of the topic.
         hz: messages a second, at most.
         source: the signal's topic.
-        kind: of its records.
         encode: makes the message.
     """
 
-    def __init__(
-        self, publisher: Publisher, hz: int, source: str, kind: type[Record], encode: Callable[[Any], bytes]
-    ) -> None:
+    def __init__(self, publisher: Publisher, hz: int, source: str, encode: Callable[[Any], bytes]) -> None:
         self._publisher, self._gate = publisher, RateGate(hz, _BURST)
-        self._source, self._kind, self._encode = source, kind, encode
+        self._source, self._encode = source, encode
         self._sent_ns = -1
 
     def publish(self, monitor: ControlMonitor, now: Instant) -> None:
         """Send the newest record if it was not sent yet and it is time."""
-        record: Any = monitor.newest(self._source, self._kind)
+        record: Any = monitor.newest(self._source, Record)
         if record is None or record.stamp_ns == self._sent_ns or not self._gate.passes(now.monotonic_ns):
             return
         self._sent_ns = record.stamp_ns
@@ -86,17 +83,25 @@ class Outputs:
     ) -> None:
         self._robot, self._monitor, self._diagnosis = robot, monitor, diagnosis
         odom, base = config.odom_frame, config.base_frame
-        joints, battery = JointStateMessage(joint_names, base).encode, BatteryMessage(base).encode
+        joints, battery = JointStateMessage(joint_names, base), BatteryMessage(base).encode
         odometry, transform = OdometryMessage(odom, base).encode, TransformMessage(odom, base).encode
-        rows: tuple[tuple[str, str, int, str, type[Record], Callable[[Any], bytes]], ...] = (
-            (ros.JOINT_STATES, definitions.JOINT_STATE, config.joint_states_hz, topics.JOINT_STATE, JointState, joints),
-            (ros.ODOMETRY, definitions.ODOMETRY, config.odometry_hz, topics.BODY_STATE, BodyState, odometry),
-            (ros.TF, definitions.TF, config.odometry_hz, topics.BODY_STATE, BodyState, transform),
-            (ros.BATTERY_STATE, definitions.BATTERY_STATE, config.battery_hz, topics.BATTERY, Battery, battery),
+        rows: tuple[tuple[str, str, int, str, Callable[[Any], bytes]], ...] = (
+            (ros.JOINT_STATES, definitions.JOINT_STATE, config.joint_states_hz, topics.JOINT_STATE, joints.encode),
+            (
+                ros.JOINT_STATES,
+                definitions.JOINT_STATE,
+                config.joint_states_hz,
+                topics.WHEEL_STATE,
+                joints.encode_wheels,
+            ),
+            (ros.ODOMETRY, definitions.ODOMETRY, config.odometry_hz, topics.BODY_STATE, odometry),
+            (ros.TF, definitions.TF, config.odometry_hz, topics.BODY_STATE, transform),
+            (ros.BATTERY_STATE, definitions.BATTERY_STATE, config.battery_hz, topics.BATTERY, battery),
         )
         self._signals = [
-            SignalOutput(session.publisher(topic, name), hz, source, kind, encode)
-            for topic, name, hz, source, kind, encode in rows
+            SignalOutput(session.publisher(topic, name), hz, source, encode)
+            for topic, name, hz, source, encode in rows
+            if monitor.knows(source)
         ]
         self._diagnostics = session.publisher(ros.DIAGNOSTICS, definitions.DIAGNOSTIC_ARRAY)
         self._state = session.publisher(ros.STATE, definitions.STRING)
@@ -130,13 +135,14 @@ class Outputs:
     def _summary(self, state: tuple[str, str]) -> dict[str, object]:
         """The robot's state in words and a few figures."""
         summary: dict[str, object] = {"robot": self._robot, "mode": state[0], "faults": state[1]}
-        body = self._monitor.newest(topics.BODY_STATE, BodyState)
+        body: Any = self._monitor.newest(topics.BODY_STATE, Record)
         if body is not None:
             summary["position"] = body.position.round(_DIGITS).tolist()
             summary["orientation"] = body.orientation.round(_DIGITS).tolist()
             summary["velocity"] = body.linear_velocity.round(_DIGITS).tolist()
+        if isinstance(body, BodyState):
             summary["height"] = round(body.height, _DIGITS)
-        command = self._monitor.newest(topics.BODY_COMMAND, BodyCommand)
+        command: Any = self._monitor.newest(topics.BODY_COMMAND, Record)
         if command is not None:
             summary["progress"] = round(command.progress, _DIGITS)
             summary["lateral_error"] = round(command.lateral_error, _DIGITS)

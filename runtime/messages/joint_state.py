@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from runtime.messages.cdr import CdrTemplate
 from runtime.signals import JointState
+from runtime.vehicle_signals import WheelState
 
 
 class JointStateMessage:
@@ -30,4 +31,14 @@ class JointStateMessage:
         self._position[:] = joints.position
         self._velocity[:] = joints.velocity
         self._effort[:] = joints.effort
+        return self._template.to_bytes()
+
+    def of_wheels(self, wheels: WheelState) -> bytes:
+        """The message of one measurement of a vehicle: steering axes, then wheels.
+
+        How far a wheel has rolled, and how fast an axis is steered, is not measured and stays zero.
+        """
+        self._template.set_stamp(self._stamp, wheels.stamp_ns)
+        axes = len(wheels.steering)
+        self._position[:axes], self._velocity[axes:] = wheels.steering, wheels.speed
         return self._template.to_bytes()

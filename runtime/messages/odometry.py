@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""nav_msgs/Odometry from the estimate of the trunk."""
+"""nav_msgs/Odometry from the estimate of the robot."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from runtime.messages.cdr import CdrTemplate
 from runtime.signals import BodyState
+from runtime.vehicle_signals import VehicleState
 
 
 def in_body_frame(orientation: npt.NDArray[np.float64], vector: npt.NDArray[np.float64]) -> tuple[float, float, float]:
@@ -23,7 +24,7 @@ def in_body_frame(orientation: npt.NDArray[np.float64], vector: npt.NDArray[np.f
 
 
 class OdometryMessage:
-    """Encodes /odom: pose in `odom`, twist in the trunk's own frame, covariances unknown (zero)."""
+    """Encodes /odom: pose in `odom`, twist in the robot's own frame, covariances unknown (zero)."""
 
     def __init__(self, frame: str = "odom", child_frame: str = "base_link") -> None:
         self._template = template = CdrTemplate()
@@ -34,7 +35,7 @@ class OdometryMessage:
         self._position, self._orientation = template.view(position, 3), template.view(orientation, 4)
         self._linear, self._angular = template.view(linear, 3), template.view(angular, 3)
 
-    def encode(self, body: BodyState) -> bytes:
+    def encode(self, body: BodyState | VehicleState) -> bytes:
         """The message of one estimate."""
         self._template.set_stamp(self._stamp, body.stamp_ns)
         self._position[:] = body.position

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""tf2_msgs/TFMessage: where the trunk is, and what never moves."""
+"""tf2_msgs/TFMessage: where the robot is, and what never moves."""
 
 from __future__ import annotations
 
 from runtime.messages.cdr import CdrTemplate
 from runtime.signals import BodyState
+from runtime.vehicle_signals import VehicleState
 
 
 class TransformMessage:
@@ -18,7 +19,7 @@ class TransformMessage:
         translation, rotation = template.float64(3), template.float64(4)
         self._translation, self._rotation = template.view(translation, 3), template.view(rotation, 4)
 
-    def encode(self, body: BodyState) -> bytes:
+    def encode(self, body: BodyState | VehicleState) -> bytes:
         """The message of one estimate."""
         self._template.set_stamp(self._stamp, body.stamp_ns)
         self._translation[:] = body.position

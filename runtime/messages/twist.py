@@ -8,6 +8,7 @@ from typing import NamedTuple
 from runtime.messages.cdr import CdrTemplate
 from runtime.messages.cdr_reader import CdrReader
 from runtime.signals import BodyCommand
+from runtime.vehicle_signals import TwistCommand
 
 
 class Velocity(NamedTuple):
@@ -52,7 +53,7 @@ class TwistStampedMessage:
         self._stamp = template.header(frame)
         self._twist = template.view(template.float64(6), 6)
 
-    def encode(self, command: BodyCommand) -> bytes:
+    def encode(self, command: BodyCommand | TwistCommand) -> bytes:
         """The message of one command."""
         self._template.set_stamp(self._stamp, command.stamp_ns)
         self._twist[:2] = command.velocity

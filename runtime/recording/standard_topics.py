@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from runtime import signals
+from runtime import signals, vehicle_signals
 from runtime.messages import definitions
 from runtime.messages.imu import ImuMessage
 from runtime.messages.joint_state import JointStateMessage
@@ -21,6 +21,8 @@ from runtime.records import Record
 JOINT_STATE_PERIOD_NS = 10_000_000
 """/joint_states is for viewers; every sample is in the robot's own joint signal."""
 ODOMETRY_PERIOD_NS = 20_000_000
+_OF_JOINTS = {"JointState": "joint", "WheelState": "axle_drive"}
+"""Records that tell of all joints, and the size that counts them."""
 
 
 @dataclass
@@ -70,6 +72,14 @@ def standard_topics(channels: Sequence[ChannelSpec], joint_names: Sequence[str])
                 lambda: JointStateMessage(joint_names).encode,
             )
         ],
+        "WheelState": [
+            (
+                "/joint_states",
+                definitions.JOINT_STATE,
+                JOINT_STATE_PERIOD_NS,
+                lambda: JointStateMessage(joint_names).of_wheels,
+            )
+        ],
         "BodyState": [
             ("/odom", definitions.ODOMETRY, ODOMETRY_PERIOD_NS, lambda: OdometryMessage().encode),
             ("/tf", definitions.TF, ODOMETRY_PERIOD_NS, lambda: TransformMessage().encode),
@@ -77,12 +87,13 @@ def standard_topics(channels: Sequence[ChannelSpec], joint_names: Sequence[str])
         "Path": [("/path", definitions.PATH, 0, lambda: PathMessage().encode)],
         "BodyCommand": [("/cmd_vel", definitions.TWIST_STAMPED, 0, lambda: TwistStampedMessage().encode)],
     }
+    makers["VehicleState"], makers["TwistCommand"] = makers["BodyState"], makers["BodyCommand"]
     topics = []
     for spec in channels:
-        own: type[Record] | None = getattr(signals, spec.record, None)
+        own: type[Record] | None = getattr(signals, spec.record, None) or getattr(vehicle_signals, spec.record, None)
         if own is None or spec.record not in makers or own("", spec.sizes).ros_definition() != spec.definition:
             continue
-        if spec.record == "JointState" and len(joint_names) != spec.sizes.get("joint"):
+        if spec.record in _OF_JOINTS and len(joint_names) != spec.sizes.get(_OF_JOINTS[spec.record]):
             continue
         for topic, type_name, period_ns, make in makers.pop(spec.record):
             record = own(spec.topic, spec.sizes)

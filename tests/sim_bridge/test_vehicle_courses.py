@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every scenario of the vehicle is whole, and the names that there are none of are refused."""
+
+import math
+
+import pytest
+
+from runtime.tracking.paths import Polyline
+from sim_bridge.vehicle_courses import UnknownScenarioError, scenario, scenario_names
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_every_scenario_is_whole(name):
+    course = scenario(name)
+    assert course.name == name
+    x, y, _ = course.start_pose
+    ground = course.terrain(0)
+    assert math.isfinite(ground.height_at(x, y))
+    assert course.time_limit_s > 0.0
+    if course.waypoints:
+        path = Polyline(course.waypoints, course.closed)
+        assert path.length <= course.speed_mps * course.nominal_time_s
+        low_x, high_x, low_y, high_y = ground.extent
+        assert all(low_x <= px <= high_x and low_y <= py <= high_y for px, py in course.waypoints)
+
+
+def test_the_papers_experiments_start_beside_their_paths():
+    assert scenario("straight").start_pose == pytest.approx((0.0, 1.5, 0.0))
+    assert math.dist(scenario("curve-u").start_pose[:2], scenario("curve-u").waypoints[0]) == pytest.approx(1.0)
+
+
+def test_the_seed_chooses_the_curve():
+    names = {scenario("curve", seed).name for seed in range(5)}
+    assert names == {"curve-u", "curve-s", "curve-right-angle", "curve-loop", "curve-chicane"}
+    assert scenario("curve", 5).name == scenario("curve", 0).name
+
+
+def test_only_paths_are_closed_that_lead_back():
+    assert scenario("figure-eight").closed
+    assert not scenario("slalom").closed
+
+
+@pytest.mark.parametrize("name", ["circle-6cm", "straight-0.5", "straight-101", "wheelie", ""])
+def test_what_there_is_not_is_refused(name):
+    with pytest.raises(UnknownScenarioError, match="scenario"):
+        scenario(name)
