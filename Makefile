@@ -10,6 +10,10 @@ SERVICE_ARGS ?=
 CLAIMS_ARGS ?=
 FAULTS_ARGS ?=
 FUZZ_S ?= 20
+ROBOT ?= uslgo1
+SCENARIO_uslgo1 := circle-6cm
+SCENARIO_4ws4wd := straight
+SCENARIO ?= $(SCENARIO_$(ROBOT))
 BIN := .venv/bin
 STAMP := .venv/.installed
 WHEELS := .venv/wheels
@@ -24,9 +28,9 @@ export MKL_NUM_THREADS := 1
 .PHONY: sil venv test test-guest test-service lint fuzz claims faults faults-live kills bench clean
 .DEFAULT_GOAL := sil
 
-sil: venv  ## Walk USLGO1 round the 6 cm circle.
+sil: venv  ## Walk USLGO1 round the 6 cm circle, or with ROBOT=4ws4wd drive the vehicle from beside a line onto it.
 	@test -d .venv/kernels || echo "Translating the control loops to machine code first: once, a minute or two."
-	$(BIN)/ugv sil uslgo1 circle-6cm
+	$(BIN)/ugv sil $(ROBOT) $(SCENARIO)
 
 venv: $(STAMP)  ## Create .venv with everything in it.
 
