@@ -65,14 +65,17 @@ class DelayEstimator:
         config: parameters.
         answer: of the vehicle, the delay apart.
         memory: all that is remembered from step to step, `DelayEstimator.SIZE` numbers; `forget` before the first.
+
+    Attributes:
+        memory: as above.
     """
 
     SIZE = 2 + 3 * CANDIDATES + FIELDS * COMMANDS
 
     def __init__(self, config: DelayConfig, answer: VehicleAnswer, memory: Array | None = None) -> None:
         self._config, self._answer = config, answer
-        self._memory = np.zeros(self.SIZE) if memory is None else memory
-        self._scalars, rest = self._memory[:2], self._memory[2:]
+        self.memory = np.zeros(self.SIZE) if memory is None else memory
+        self._scalars, rest = self.memory[:2], self.memory[2:]
         self._angle, self._speed, self._mismatch = rest[: 3 * CANDIDATES].reshape(3, CANDIDATES)
         self._commands = rest[3 * CANDIDATES :].reshape(COMMANDS, FIELDS)
         self._delays = np.linspace(0.0, config.maximum_s, CANDIDATES)
@@ -81,7 +84,7 @@ class DelayEstimator:
 
     def forget(self) -> None:
         """Forget what has been learnt."""
-        self._memory[:] = 0.0
+        self.memory[:] = 0.0
         self._scalars[1] = self._config.initial_s
 
     @property

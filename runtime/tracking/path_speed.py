@@ -15,6 +15,8 @@ from runtime.tracking.speed import SpeedLimits, approach_speed, regulated_speed
 
 STATIONS = 4
 """Places within the braking distance at which the path's curvature is looked at, besides the present one."""
+BRAKING_SHARE = 0.7
+"""Share of the deceleration that is counted on, so that the ramp of the speed can follow."""
 
 
 def bend_speed(path: Polyline, progress: float, wanted: float, limits: SpeedLimits, span_m: float) -> float:
@@ -28,11 +30,12 @@ def bend_speed(path: Polyline, progress: float, wanted: float, limits: SpeedLimi
         span_m: length over which the path's curvature is taken.
     """
     allowed = regulated_speed(wanted, mean_curvature(path, progress, span_m), limits)
-    reach = 0.5 * allowed * allowed / limits.deceleration_mps2 + span_m
+    braking = BRAKING_SHARE * limits.deceleration_mps2
+    reach = 0.5 * allowed * allowed / braking + span_m
     for station in range(1, STATIONS + 1):
         way = reach * station / STATIONS
         there = regulated_speed(wanted, mean_curvature(path, progress + way, span_m), limits)
-        allowed = min(allowed, math.sqrt(there * there + 2.0 * limits.deceleration_mps2 * way))
+        allowed = min(allowed, math.sqrt(there * there + 2.0 * braking * way))
     return allowed
 
 

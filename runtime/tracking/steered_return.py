@@ -46,6 +46,7 @@ class SteeredReturn(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag
         lead_s: the errors are taken this much later, at the present centre angle.
         maximum_curvature: bound on what is asked for, 1/m.
         span_m: length over which the path's curvature is taken, at least.
+        span_s: the same as a time: a bend that begins at once takes the steering about this long.
         slowest_mps: speed below which the law is that at this speed.
     """
 
@@ -58,18 +59,20 @@ class SteeredReturn(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag
     lead_s: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.2
     maximum_curvature: Positive = 0.56
     span_m: Annotated[float, Meta(ge=0.05, le=5.0)] = 0.6
+    span_s: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.6
     slowest_mps: Positive = 0.2
 
     def __call__(self, path: Polyline, motion: Motion, closest: ClosestPoint) -> Pursuit:
         """The arc to drive."""
         speed = max(motion.speed, self.slowest_mps)
-        bend = mean_curvature(path, closest.progress, self.span_m)
+        span = max(self.span_m, self.span_s * speed)
+        bend = mean_curvature(path, closest.progress, span)
         lateral, heading = closest.lateral_error, wrapped(motion.yaw - closest.heading)
         turning = self.answer.curvature_of(motion.angle) - bend
         heading += speed * turning * self.lead_s
         lateral += speed * self.lead_s * math.sin(heading - 0.5 * speed * turning * self.lead_s)
         correction = self.correction(lateral, heading, speed)
-        ahead = mean_curvature(path, closest.progress + speed * self.lead_s, self.span_m)
+        ahead = mean_curvature(path, closest.progress + speed * self.lead_s, span)
         along = ahead * math.cos(heading) / max(1.0 - ahead * lateral, NEAREST_CENTRE)
         angle = self.answer.angle_of(along) + correction
         bound = self.answer.angle_of(self.maximum_curvature)

@@ -129,6 +129,9 @@ class VehicleTracker:
         config: everything else.
         memory: all that is remembered from step to step, `VehicleTracker.SIZE` numbers; `forget` before the first.
         speed: how fast to drive it; by default as fast as bends and the goal allow.
+
+    Attributes:
+        memory: as above.
     """
 
     SIZE = len(TrackState._fields) + CommandHistory.SIZE
@@ -142,17 +145,17 @@ class VehicleTracker:
     ) -> None:
         self._policy, self._config = policy, config or VehicleTrackerConfig()
         self._speed = speed or PathSpeed(self._config.speed)
-        self._memory = np.zeros(self.SIZE) if memory is None else memory
+        self.memory = np.zeros(self.SIZE) if memory is None else memory
         count = len(TrackState._fields)
-        self._scalars = self._memory[:count]
-        self._history = CommandHistory(self._memory[count:])
+        self._scalars = self.memory[:count]
+        self._history = CommandHistory(self.memory[count:])
         self._sections: list[Polyline] = []
         if memory is None:
             self.forget()
 
     def forget(self) -> None:
         """Forget all but the path."""
-        self._memory[:] = 0.0
+        self.memory[:] = 0.0
         self._scalars[:] = TrackState()
 
     def take(self, points: npt.ArrayLike, closed: bool = False) -> None:
@@ -167,6 +170,11 @@ class VehicleTracker:
         """Begin the path anew; what was commanded is still remembered."""
         old = self._state
         self._scalars[:] = TrackState(time_s=old.time_s, speed=old.speed, curvature=old.curvature)
+
+    def restart(self, speed: float) -> None:
+        """Begin the path with a vehicle that rolls straight ahead at this speed, m/s, unasked."""
+        self.forget()
+        self._scalars[:] = TrackState(speed=speed)
 
     @property
     def _state(self) -> TrackState:

@@ -17,6 +17,7 @@ from runtime.tracking.motion import Motion
 from runtime.tracking.paths import Polyline
 from runtime.tracking.tracker import PathTracker
 from runtime.tracking.tracker_config import TrackerConfig
+from runtime.tracking.vehicle_tracker import VehicleTracker
 
 SIZES = {"path": 512, "foot": 4, "foot_xyz": 12, "joint": 12}
 
@@ -218,6 +219,32 @@ def following(policy: Any, waypoints: np.ndarray, speed: float, closed: bool = F
         return speed, policy(line, Motion(*pose, measured, angle), closest).curvature
 
     return controller
+
+
+class Tracked:
+    """A controller out of a whole tracker: it knows the delay, and keeps all commands."""
+
+    def __init__(self, policy, waypoints, speed, delay_s=0.0, closed=False, config=None, regulation=None, **more):
+        self.tracker = VehicleTracker(policy, config, speed=regulation)
+        self.tracker.take(waypoints, closed)
+        self.speed, self.delay_s, self.period_s = speed, delay_s, more.get("period_s", 0.12)
+        self.now_s, self.commands = 1.0, []
+        self.halted = False
+        if more.get("rolling"):
+            self.tracker.restart(speed)
+
+    def __call__(self, pose, angle, measured):
+        motion = Motion(*pose, measured, angle, 2.0 * measured * math.tan(angle) / 1.17)
+        command = self.tracker.step(self.now_s, motion, self.speed, self.delay_s, self.halted)
+        self.now_s += self.period_s
+        self.commands.append(command)
+        return command.speed, command.curvature
+
+
+@pytest.fixture
+def tracked():
+    """What makes a controller of a whole tracker."""
+    return Tracked
 
 
 @pytest.fixture
