@@ -92,7 +92,7 @@ class Outputs:
                 definitions.JOINT_STATE,
                 config.joint_states_hz,
                 topics.WHEEL_STATE,
-                joints.encode_wheels,
+                joints.of_wheels,
             ),
             (ros.ODOMETRY, definitions.ODOMETRY, config.odometry_hz, topics.BODY_STATE, odometry),
             (ros.TF, definitions.TF, config.odometry_hz, topics.BODY_STATE, transform),

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from runtime.signals import Mode, Motion, OperatorRequest, Path, SafetyStatus, Steering
 from runtime.tasks import Task
 from runtime.tracking import motion
-from runtime.tracking.drive_tracker_config import DriveTrackerConfig, DriveTrackerMemory
+from runtime.tracking.drive_tracker_config import DriveTrackerConfig, DriveTrackerMemory, SolveMemory
 from runtime.tracking.followed_path import FollowedPath
 from runtime.tracking.path_speed import SpeedPolicy
 from runtime.tracking.sections import sections_of
@@ -26,7 +27,7 @@ class DriveTracker(Task):
 
     Args:
         config: parameters.
-        policy: which arc to drive.
+        policy: makes what says which arc to drive, given its memory.
         speed: how fast to drive it; None for as fast as bends and the goal allow.
         path, body, wheels, request, safety: records read.
         command: record written.
@@ -37,7 +38,7 @@ class DriveTracker(Task):
     def __init__(
         self,
         config: DriveTrackerConfig,
-        policy: SteeringPolicy,
+        policy: Callable[[SolveMemory], SteeringPolicy],
         speed: SpeedPolicy | None,
         path: Path,
         body: VehicleState,
@@ -50,7 +51,7 @@ class DriveTracker(Task):
         self._request, self._safety, self._command = request, safety, command
         self.reads, self.writes = (path, body, wheels, request, safety), (command,)
         self.state: DriveTrackerMemory = DriveTrackerMemory("/ugv/state/tracker", path.sizes)
-        self._tracker = VehicleTracker(policy, config.following, self.state.tracked, speed)
+        self._tracker = VehicleTracker(policy(self.state), config.following, self.state.tracked, speed)
         self._tracker.forget()
         self._followed = FollowedPath(self.state, sections_of)
 
@@ -82,6 +83,7 @@ class DriveTracker(Task):
         command.velocity[0], command.velocity[1] = memory.forward, memory.lateral
         command.yaw_rate, command.manner = memory.yaw_rate, memory.manner
         command.progress, command.arrived = memory.progress, memory.arrived
+        command.residual, command.failures = float(memory.residual[0]), int(memory.failures[0])
         memory.stamp_ns = now_ns
 
     @property

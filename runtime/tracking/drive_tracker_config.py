@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from runtime.records import boolean, float64, float64_array, int64, uint8
+from runtime.records import Record, boolean, float64, float64_array, int64, uint8, uint32_array
 from runtime.tracking.followed_path import FollowedPathMemory
 from runtime.tracking.prediction import CAPACITY
 from runtime.tracking.vehicle_tracker import VehicleTracker, VehicleTrackerConfig
@@ -33,7 +33,15 @@ class DriveTrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
         return CAPACITY * period_s
 
 
-class DriveTrackerMemory(FollowedPathMemory):
+class SolveMemory(Record):
+    """What a controller remembers that solves a problem at every step; arrays of one, so that they can be shared."""
+
+    angle = float64_array(1, "rad", "centre angle that was commanded last")
+    residual = float64_array(1, "", "of the last solve")
+    failures = uint32_array(1, "", "solves that failed since start")
+
+
+class DriveTrackerMemory(FollowedPathMemory, SolveMemory):
     """All that the task remembers, the path it follows included."""
 
     stamp_ns = int64("ns", "of the last step, 0 before the first")

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from drivers.vcu import STATE_FRAMES, TEMPERATURES, UnitCommandMode
 from runtime import signals, vehicle_signals
 from runtime.estimation.vehicle_filter_task import VehicleFilterTask
 from runtime.estimation.vehicle_truth_task import VehicleTruthTask
 from runtime.models.vehicle import WHEELS
 from runtime.robots import topics
+from runtime.robots.predictive_policy import PredictivePolicy
 from runtime.robots.robot import Robot
 from runtime.robots.unit_tasks import DecodeUnitTask, EncodeUnitTask
 from runtime.robots.vehicle_4ws4wd.config import Vehicle4ws4wdConfig
@@ -16,6 +19,8 @@ from runtime.safety.authority import AuthorityTask
 from runtime.safety.vehicle_task import VehicleSafetyTask
 from runtime.tasks import Loop, Scheduled, Task
 from runtime.tracking.drive_tracker import DriveTracker
+from runtime.tracking.drive_tracker_config import SolveMemory
+from runtime.tracking.vehicle_tracker import SteeringPolicy
 from runtime.wheeled.steering_task import SteeringTask
 
 PATH_CAPACITY = 1024
@@ -76,7 +81,7 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
     authority = AuthorityTask(config.authority, board.event, board.operator)
     tracker = DriveTracker(
         config.tracker,
-        config.policy,
+        partial(_policy, config),
         config.speed_policy,
         board.path,
         board.body,
@@ -138,6 +143,12 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
         schedule=schedule,
         port_outputs=(board.can_sent,),
     )
+
+
+def _policy(config: Vehicle4ws4wdConfig, memory: SolveMemory) -> SteeringPolicy:
+    if config.variant.controller == "mpc":
+        return PredictivePolicy(config.controllers.mpc, memory)
+    return config.policy
 
 
 def _estimator(config: Vehicle4ws4wdConfig, board: _Board) -> Task:

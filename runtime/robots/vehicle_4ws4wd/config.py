@@ -27,6 +27,7 @@ from runtime.tracking.vehicle_tracker import SteeringPolicy
 from runtime.tracking.waypoint_pursuit import WaypointPursuit
 from runtime.wheeled.geometry import VehicleGeometry
 from runtime.wheeled.steering_sequence import SteeringLimits
+from runtime.wheeled.tracking_mpc import TrackingMpcConfig
 
 NS_PER_SECOND = 1_000_000_000
 
@@ -36,11 +37,11 @@ class VariantConfig(Variant, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         controller: of paper 002: fuzzy-ldc (look-ahead of Table I and longitudinal distance constraint), either alone,
-            or pure-pursuit (neither); regulated pure pursuit; steered-return (as fast as the steering can follow).
+            or pure-pursuit (neither); regulated pure pursuit; steered-return (as fast as the steering can follow); mpc.
         estimator: kalman, or truth (simulation only).
     """
 
-    controller: Literal["fuzzy-ldc", "fuzzy", "ldc", "pure-pursuit", "regulated", "steered-return"] = "fuzzy-ldc"
+    controller: Literal["fuzzy-ldc", "fuzzy", "ldc", "pure-pursuit", "regulated", "steered-return", "mpc"] = "fuzzy-ldc"
     estimator: Literal["kalman", "truth"] = "kalman"
 
 
@@ -103,7 +104,7 @@ class ControllersConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     """What each controller pursues.
 
     Attributes:
-        fuzzy_ldc, fuzzy, ldc, pure_pursuit, regulated, steered_return: of the controller of that name.
+        fuzzy_ldc, fuzzy, ldc, pure_pursuit, regulated, steered_return, mpc: of the controller of that name.
         regulated_speed: how fast the regulated one drives.
     """
 
@@ -114,6 +115,7 @@ class ControllersConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     regulated: RegulatedPursuit
     regulated_speed: RegulatedSpeed
     steered_return: SteeredReturn
+    mpc: TrackingMpcConfig
 
 
 class ScenarioConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -156,7 +158,7 @@ class Vehicle4ws4wdConfig(RobotConfig, frozen=True, forbid_unknown_fields=True):
 
     @property
     def policy(self) -> SteeringPolicy:
-        """The controller that was chosen."""
+        """The controller that was chosen, if it needs no memory."""
         chosen: SteeringPolicy = getattr(self.controllers, self.variant.controller.replace("-", "_"))
         return chosen
 

@@ -9,7 +9,7 @@ from runtime.errors import ConfigError
 from runtime.robots import assemble, assembled, description, load_configuration
 from runtime.robots.vehicle_4ws4wd.config import Vehicle4ws4wdConfig
 
-CONTROLLERS = ("fuzzy-ldc", "fuzzy", "ldc", "pure-pursuit", "regulated", "steered-return")
+CONTROLLERS = ("fuzzy-ldc", "fuzzy", "ldc", "pure-pursuit", "regulated", "steered-return", "mpc")
 
 REFUSED = {
     "a tracker out of step": ({"loops.tracker_hz": "30"}, ("loops.tracker_hz", "30", "100")),

@@ -27,7 +27,15 @@ class Vehicle:
         self.path, self.body, self.wheels = Path("/path", SIZES), VehicleState("/body", SIZES), WheelState("/w", SIZES)
         self.request, self.safety, self.command = OperatorRequest("/o"), SafetyStatus("/s"), TwistCommand("/t")
         self.task = DriveTracker(
-            CONFIG, FUZZY_LDC, None, self.path, self.body, self.wheels, self.request, self.safety, self.command
+            CONFIG,
+            lambda memory: FUZZY_LDC,
+            None,
+            self.path,
+            self.body,
+            self.wheels,
+            self.request,
+            self.safety,
+            self.command,
         )
         self.safety.mode, self.request.motion = Mode.ACTIVE, Motion.WALK
         self.now_ns, self.yaw = 1_000_000_000, 0.0

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The predictive tracker as a controller of a vehicle: from pose and path to the centre angle to command."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from runtime.models.rotations import wrapped
+from runtime.tracking.curvature import mean_curvature
+from runtime.tracking.drive_tracker_config import SolveMemory
+from runtime.tracking.motion import Motion
+from runtime.tracking.polyline import ClosestPoint, Polyline
+from runtime.tracking.waypoint_pursuit import Pursuit
+from runtime.wheeled.geometry import centre_curvature
+from runtime.wheeled.tracking_mpc import TrackingMpc, TrackingMpcConfig
+
+SPAN_M = 0.6
+"""Length over which the path's curvature is taken: twice the usual spacing of waypoints."""
+
+
+class PredictivePolicy:
+    """Solves at every step; where that fails, the last angle is held and the failure counted.
+
+    Args:
+        config: of the predictive tracker.
+        memory: last angle, failures and residual.
+    """
+
+    def __init__(self, config: TrackingMpcConfig, memory: SolveMemory) -> None:
+        self._mpc, self._wheelbase_m, self._memory = TrackingMpc(config), config.wheelbase_m, memory
+
+    def __call__(self, path: Polyline, motion: Motion, closest: ClosestPoint) -> Pursuit:
+        """The arc for a vehicle that drives forwards; the closest point of the path is known."""
+        memory, mpc = self._memory, self._mpc
+        spacing = mpc.station_spacing(motion.speed)
+        stations = closest.progress + spacing * np.arange(mpc.stations)
+        curvatures = np.array([mean_curvature(path, s, SPAN_M) for s in stations.tolist()])
+        heading = wrapped(motion.yaw - closest.heading)
+        answer = mpc.solve(
+            closest.lateral_error, heading, motion.angle, float(memory.angle[0]), motion.speed, curvatures
+        )
+        memory.residual[0] = answer.residual
+        if answer.solved and math.isfinite(answer.angle):
+            memory.angle[0] = answer.angle
+        else:
+            memory.failures[0] += 1
+        return Pursuit(centre_curvature(float(memory.angle[0]), self._wheelbase_m), (closest.x, closest.y), 0.0)
