@@ -35,6 +35,7 @@ class VehicleFilterConfig(InertialFilterConfig, frozen=True, forbid_unknown_fiel
         rest_velocity_mps: standard deviation of its velocity then.
     """
 
+    acceleration_noise: Positive = 0.02
     localization_gate: Positive = 10.0
     longest_step_s: Annotated[float, Meta(ge=0.001, le=1.0)] = 0.2
     rolling_mps: Positive = 0.01

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Looks for what is wrong with the inputs, the loop and the commands; finds bits of `Fault`."""
+"""Looks for what is wrong with a robot on legs and with its commands; finds bits of `Fault`."""
 
 from __future__ import annotations
 
@@ -10,16 +10,24 @@ import numpy as np
 import numpy.typing as npt
 
 from runtime.compiled import compiled
-from runtime.models.inertial import InertialConfig, is_finite_sample, is_plausible
-from runtime.records import Record, float64_array, int64, int64_array, uint8, uint32, uint32_array
+from runtime.models.inertial import InertialConfig
+from runtime.records import float64_array, int64, int64_array, uint32, uint32_array
 from runtime.safety.answers import is_powered
+from runtime.safety.common_watch import (
+    WatchMemory,
+    battery_faults,
+    bus_faults,
+    estimate_faults,
+    inertial_faults,
+    loop_faults,
+    operator_faults,
+)
 from runtime.safety.config import SafetyConfig
-from runtime.safety.limits import is_finite, tilt
+from runtime.safety.limits import is_finite
 from runtime.signals import (
     Battery,
     BodyCommand,
     BodyState,
-    BusState,
     BusStatus,
     ContactForces,
     Fault,
@@ -35,28 +43,16 @@ from runtime.signals import (
 Array = npt.NDArray[np.float64]
 
 
-class SafetyMemory(Record):
+class SafetyMemory(WatchMemory):
     """What the filter must remember."""
 
-    mode = uint8()
-    fault = uint32()
-    limited = uint32()
-    faults = uint32()
     coasted = uint32()
     effort = float64_array("joint", "N.m", "of the last command")
-    imu_ns = int64("ns", "stamp of the last good inertial sample")
-    imu_seen_ns = int64("ns", "stamp of the last one")
-    imu_fault = uint32("", "what was wrong with that")
-    imu_alike = uint32("", "samples in a row that are alike")
-    good = float64_array(6, "m/s^2, rad/s", "last good sample: specific force, angular velocity")
-    last = float64_array(6, "m/s^2, rad/s", "last sample")
     excess = float64_array("joint", "rad", "by which each joint was beyond its limits when power came, and still is")
     reply_ns = int64_array("joint", "ns", "replies of the tick before")
     missing = uint32_array("joint", "", "ticks in a row without a reply")
     unsaturated_ns = int64_array("joint", "ns", "when each joint last gave less than its saturation")
-    refused = uint32_array("bus", "", "frames refused up to the tick before")
     unbalanced_ns = int64("ns", "when the legs last did not carry the trunk under feedback")
-    overrun_ns = int64("ns", "when there last were so many overruns in a row that the robot is to stand; 0 for never")
     crouch_ns = int64("ns", "when crouching began")
     derated = uint32("", "faults that the robot is derated for")
     derate_ns = int64("ns", "since when")
@@ -97,7 +93,8 @@ def faults(
     found |= reply_faults(config, memory, joints)
     found |= joint_faults(config, memory, joints, now_ns)
     found |= bus_faults(memory, inputs.buses[0])
-    found |= body_faults(config, inputs.body[0], inputs.battery[0].voltage)
+    found |= estimate_faults(config, inputs.body[0])
+    found |= battery_faults(config, inputs.battery[0])
     found |= loop_faults(config, memory, inputs.timing[0], now_ns)
     found |= plan_faults(config, memory, inputs.gait[0], inputs.forces[0], inputs.body_command[0], now_ns)
     found |= position_faults(config, memory, low, high, joints, powered)
@@ -108,38 +105,6 @@ def faults(
     if not is_finite(inputs.command[0]):
         found |= Fault.NON_FINITE_COMMAND.value
     return found
-
-
-@compiled
-def inertial_faults(config: SafetyConfig, inertial: InertialConfig, memory: SafetyMemory, imu: Imu, now_ns: int) -> int:
-    """Judge a new inertial sample; what is wrong with the newest, and with the sensor for want of good ones."""
-    if imu.stamp_ns != memory.imu_seen_ns:
-        memory.imu_seen_ns = imu.stamp_ns
-        memory.imu_fault = _flaw(inertial, memory, imu, now_ns + config.imu_age_max_ns)
-        if memory.imu_fault == 0:
-            alike = (imu.linear_acceleration == memory.good[:3]).all()
-            alike = alike and (imu.angular_velocity == memory.good[3:]).all()
-            memory.imu_alike = memory.imu_alike + 1 if alike else 1
-            memory.imu_ns = imu.stamp_ns
-            memory.good[:3], memory.good[3:] = imu.linear_acceleration, imu.angular_velocity
-        memory.last[:3], memory.last[3:] = imu.linear_acceleration, imu.angular_velocity
-    found = int(memory.imu_fault)
-    if now_ns - memory.imu_ns > config.imu_age_max_ns:
-        found |= Fault.STALE_IMU.value
-    if memory.imu_alike >= config.imu_frozen_samples:
-        found |= Fault.FROZEN_IMU.value
-    return found
-
-
-@compiled
-def _flaw(inertial: InertialConfig, memory: SafetyMemory, imu: Imu, latest_ns: int) -> int:
-    if not is_finite_sample(imu):
-        return Fault.NON_FINITE_SENSOR.value
-    if imu.stamp_ns < memory.imu_ns or imu.stamp_ns > latest_ns:
-        return Fault.IMU_TIME.value
-    if not is_plausible(inertial, imu, memory.good, memory.last):
-        return Fault.IMPLAUSIBLE_IMU.value
-    return 0
 
 
 @compiled
@@ -179,47 +144,6 @@ def joint_faults(config: SafetyConfig, memory: SafetyMemory, joints: JointState,
 
 
 @compiled
-def bus_faults(memory: SafetyMemory, buses: BusStatus) -> int:
-    """A bus that is gone, flooded or full."""
-    found = 0
-    for bus in range(buses.state.shape[0]):
-        gone = buses.state[bus] == BusState.OFF or buses.state[bus] == BusState.DOWN
-        full = buses.refused[bus] != memory.refused[bus]
-        if gone or full or buses.backlog[bus]:
-            found |= Fault.BUS.value
-        memory.refused[bus] = buses.refused[bus]
-    return found
-
-
-@compiled
-def body_faults(config: SafetyConfig, body: BodyState, voltage: float) -> int:
-    """What the estimate and the battery (V, 0 if it is not known) say."""
-    found = 0
-    if voltage > 0.0 and not config.voltage_min_v <= voltage <= config.voltage_max_v:
-        found |= Fault.VOLTAGE.value
-    if body.localization_age_ns > config.localization_age_max_ns:
-        found |= Fault.STALE_LOCALIZATION.value
-    if body.localization_disputed >= config.disputed_poses_max:
-        found |= Fault.MOVED_LOCALIZATION.value
-    if not tilt(body.orientation) <= config.tilt_max_rad:
-        found |= Fault.TILT.value
-    return found
-
-
-@compiled
-def loop_faults(config: SafetyConfig, memory: SafetyMemory, timing: LoopTiming, now_ns: int) -> int:
-    """Overruns in a row of the loop that this is in."""
-    found = 0
-    if timing.overruns_in_a_row >= config.overruns_stand:
-        memory.overrun_ns = now_ns
-    if memory.overrun_ns > 0 and now_ns - memory.overrun_ns <= config.overruns_stand_ns:
-        found |= Fault.LATE_LOOP.value
-    if timing.overruns_in_a_row >= config.overruns_damp:
-        found |= Fault.OVERRUNS.value
-    return found
-
-
-@compiled
 def plan_faults(
     config: SafetyConfig, memory: SafetyMemory, gait: Gait, forces: ContactForces, command: BodyCommand, now_ns: int
 ) -> int:
@@ -255,15 +179,4 @@ def position_faults(
             found = Fault.JOINT_POSITION.value
         else:
             memory.excess[joint] = min(memory.excess[joint], max(beyond, 0.0))
-    return found
-
-
-@compiled
-def operator_faults(config: SafetyConfig, operator: OperatorRequest, now_ns: int) -> int:
-    """An operator that is silent, and nobody who holds the lease."""
-    found = 0
-    if now_ns - operator.stamp_ns > config.operator_age_max_ns:
-        found |= Fault.STALE_OPERATOR.value
-    if not operator.held:
-        found |= Fault.NO_LEASE.value
     return found
