@@ -25,14 +25,17 @@ VEHICLE_HALTS = HALTS | Fault.TEMPERATURE.value
 """The vehicle slows to a stand, and goes on when they are gone; a hot motor cools best without work."""
 
 
-def vehicle_health(found: int) -> Health:
-    """Whether the vehicle may go on with the faults of this tick, or has to stop for good."""
-    return Health.UNFIT if found & ~(WARNINGS | VEHICLE_HALTS) else Health.FIT
+@compiled
+def vehicle_health(found: int) -> int:
+    """Whether the vehicle may go on with the faults of this tick, or has to stop for good, as a number of `Health`."""
+    return (Health.UNFIT if found & ~(WARNINGS | VEHICLE_HALTS) else Health.FIT).value
 
 
-def vehicle_stance(resting: bool, motion: Motion) -> Stance:
-    """What a vehicle at rest is doing: it rests if nothing else is asked for, and stands otherwise."""
-    return Stance.RESTING if resting and motion in (Motion.REST, Motion.SIT) else Stance.STANDING
+@compiled
+def vehicle_stance(resting: bool, motion: int) -> int:
+    """A number of `Stance`: a vehicle at rest of which nothing else is asked rests, any other stands."""
+    idle = motion == Motion.REST or motion == Motion.SIT
+    return (Stance.RESTING if resting and idle else Stance.STANDING).value
 
 
 @compiled

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from runtime.compiled import compiled, table_of
 from runtime.models.inertial import InertialConfig
-from runtime.safety.answers import POWERED
+from runtime.safety.answers import is_powered
 from runtime.safety.state_machine import next_mode
 from runtime.safety.vehicle_answers import VEHICLE_HALTS, approached, straight, vehicle_health, vehicle_stance
 from runtime.safety.vehicle_config import VehicleSafetyConfig
@@ -24,7 +24,6 @@ from runtime.signals import (
     Imu,
     LoopTiming,
     Mode,
-    Motion,
     OperatorRequest,
     SafetyStatus,
 )
@@ -44,7 +43,8 @@ class VehicleSafetyTask(Task):
         inertial: what an inertial sample may be.
         radius: of the wheels, m.
         slow_frames: of each of the unit's state frames, whether it comes seldom.
-        drive_mode, brake_mode: how the unit counts the modes in which it obeys, and in which it brakes.
+        drive_mode: the mode in which the unit obeys, as it counts them.
+        brake_mode: the mode in which it brakes.
         period_ns: of the loop.
         imu, wheels, body, battery, buses, timing, operator, twist, command: records read.
         output, status: records written.
@@ -73,81 +73,126 @@ class VehicleSafetyTask(Task):
         output: WheelCommand,
         status: SafetyStatus,
     ) -> None:
-        self._config, self._drive_mode, self._brake_mode = config, drive_mode, brake_mode
-        self._body, self._operator, self._command, self._output, self._status = body, operator, command, output, status
         watched = (imu, wheels, body, battery, buses, timing, operator, twist, command)
         self.reads, self.writes = watched, (output, status)
         self.state: VehicleSafetyMemory = VehicleSafetyMemory("/ugv/state/safety", {**output.sizes, **buses.sizes})
-        parameters, tables = table_of(config), [record.table for record in watched]
-        slow = np.array(slow_frames, dtype=np.bool_)
-        inputs = VehicleInputs(*tables)  # type: ignore[arg-type]
-        self._faults = partial(vehicle_faults, parameters, table_of(inertial), radius, slow, self.state.table, inputs)
-        step_s = period_ns * 1e-9
-        self._follow = partial(_follow, parameters, radius, step_s, command.table, self.state.table)
-        self._slow_down = partial(_slow_down, parameters, radius, step_s, wheels.table, self.state.table)
-        self._brake = partial(_brake, wheels.table, self.state.table)
+        inputs = VehicleInputs(
+            imu.table,
+            wheels.table,
+            body.table,
+            battery.table,
+            buses.table,
+            timing.table,
+            operator.table,
+            twist.table,
+            command.table,
+        )
+        self._pass = partial(
+            _pass,
+            table_of(config),
+            table_of(inertial),
+            radius,
+            np.array(slow_frames, dtype=np.bool_),
+            (drive_mode, brake_mode),
+            period_ns * 1e-9,
+            inputs,
+            self.state.table,
+            output.table,
+            status.table,
+        )
 
     def step(self, now_ns: int) -> None:
         """One tick; see `Task`."""
-        memory, status = self.state, self._status
-        found = self._faults(now_ns)
-        before = Mode(memory.mode)
-        mode = self._next_mode(before, found)
-        if mode == Mode.DAMPED and before != Mode.DAMPED:
-            memory.fault, memory.faults, memory.stop_ns = found, memory.faults + 1, now_ns
-            memory.braked = before not in POWERED
-        elif mode != Mode.DAMPED:
-            memory.fault = 0
-        memory.mode = mode
-        self._command_wheels(before, mode, found, now_ns)
-        status.stamp_ns, status.mode, status.warning = now_ns, mode, found
-        status.fault, status.limited, status.faults = memory.fault, memory.limited, memory.faults
-        status.halt, status.coasted = found & VEHICLE_HALTS, memory.coasted
+        self._pass(now_ns)
 
-    def _next_mode(self, mode: Mode, found: int) -> Mode:
-        operator, resting = self._operator, self._body.resting
-        motion = Motion(operator.motion)
-        return next_mode(
-            mode,
-            vehicle_health(found),
-            operator.arm,
-            operator.reset and resting,
-            motion,
-            vehicle_stance(resting, motion),
-            not resting,
-        )
 
-    def _command_wheels(self, before: Mode, mode: Mode, found: int, now_ns: int) -> None:
-        """Follow the command, slow down in an order or with the brakes, and say so."""
-        memory, output, config = self.state, self._output, self._config
-        stops = mode == Mode.DAMPED and not memory.braked
-        powered = mode in POWERED and before in POWERED
-        if stops:
-            stopped = self._slow_down(config.brake_mps2, memory.steering)
-            memory.braked = stopped or now_ns - memory.stop_ns > config.stop_max_ns
-        elif powered and mode == Mode.ACTIVE and not found & VEHICLE_HALTS:
-            self._follow()
-        elif powered:
-            fresh = mode == Mode.ACTIVE and not found & Fault.STALE_BODY_COMMAND
-            self._slow_down(config.halt_mps2, self._command.steering if fresh else memory.steering)
-        else:
-            self._brake()
-        output.stamp_ns, output.enable = now_ns, stops or powered
-        output.mode = self._drive_mode if output.enable else self._brake_mode
-        output.steering, output.speed = memory.steering, memory.speed
-        output.manner, output.phase = self._command.manner, self._command.phase
+@compiled
+def _pass(
+    configs: Sequence[VehicleSafetyConfig],
+    inertials: Sequence[InertialConfig],
+    radius: float,
+    slow: npt.NDArray[np.bool_],
+    unit_modes: tuple[int, int],
+    step_s: float,
+    inputs: VehicleInputs,
+    memories: Sequence[VehicleSafetyMemory],
+    outputs: Sequence[WheelCommand],
+    statuses: Sequence[SafetyStatus],
+    now_ns: int,
+) -> None:
+    """Look for faults, decide on the mode, and pass the command on as far as it may be."""
+    config, memory, output, status = configs[0], memories[0], outputs[0], statuses[0]
+    found = vehicle_faults(config, inertials[0], radius, slow, memory, inputs, now_ns)
+    before = int(memory.mode)
+    mode = _next_mode(before, found, inputs.operator[0], inputs.body[0].resting)
+    if mode == Mode.DAMPED and before != Mode.DAMPED:
+        memory.fault, memory.faults, memory.stop_ns = found, memory.faults + 1, now_ns
+        memory.braked = not is_powered(before)
+    elif mode != Mode.DAMPED:
+        memory.fault = 0
+    memory.mode = mode
+    stops, powered = mode == Mode.DAMPED and not memory.braked, is_powered(mode) and is_powered(before)
+    if stops:
+        stopped = _slow_down(config, radius, step_s, inputs, memory, config.brake_mps2, memory.steering)
+        memory.braked = stopped or now_ns - memory.stop_ns > config.stop_max_ns
+    elif powered:
+        _go_on(config, radius, step_s, inputs, memory, found)
+    else:
+        _brake(inputs.wheels[0], memory)
+    _publish(unit_modes, inputs.command[0], memory, output, stops or powered, now_ns)
+    status.stamp_ns, status.mode, status.warning = now_ns, mode, found
+    status.fault, status.limited, status.faults = memory.fault, memory.limited, memory.faults
+    status.halt, status.coasted = found & VEHICLE_HALTS, memory.coasted
+
+
+@compiled
+def _next_mode(mode: int, found: int, operator: OperatorRequest, resting: bool) -> int:
+    """The state machine of every robot; a vehicle leaves DAMPED at rest only."""
+    motion = int(operator.motion)
+    stance, reset = vehicle_stance(resting, motion), operator.reset and resting
+    return next_mode(mode, vehicle_health(found), operator.arm, reset, motion, stance, not resting)
+
+
+@compiled
+def _go_on(
+    config: VehicleSafetyConfig,
+    radius: float,
+    step_s: float,
+    inputs: VehicleInputs,
+    memory: VehicleSafetyMemory,
+    found: int,
+) -> None:
+    """Follow the command, or slow to a stand, along the commanded bend if that is of the present."""
+    command = inputs.command[0]
+    if memory.mode == Mode.ACTIVE and not found & VEHICLE_HALTS:
+        _follow(config, radius, step_s, command, memory)
+    elif memory.mode == Mode.ACTIVE and not found & Fault.STALE_BODY_COMMAND.value:
+        _slow_down(config, radius, step_s, inputs, memory, config.halt_mps2, command.steering)
+    else:
+        _slow_down(config, radius, step_s, inputs, memory, config.halt_mps2, memory.steering)
+
+
+@compiled
+def _publish(
+    unit_modes: tuple[int, int],
+    command: WheelCommand,
+    memory: VehicleSafetyMemory,
+    output: WheelCommand,
+    enable: bool,
+    now_ns: int,
+) -> None:
+    output.stamp_ns, output.enable = now_ns, enable
+    output.mode = unit_modes[0] if enable else unit_modes[1]
+    output.steering[:] = memory.steering
+    output.speed[:] = memory.speed
+    output.manner, output.phase = command.manner, command.phase
 
 
 @compiled
 def _follow(
-    configs: Sequence[VehicleSafetyConfig],
-    radius: float,
-    step_s: float,
-    commands: Sequence[WheelCommand],
-    memories: Sequence[VehicleSafetyMemory],
+    config: VehicleSafetyConfig, radius: float, step_s: float, command: WheelCommand, memory: VehicleSafetyMemory
 ) -> None:
     """The command within its limits; what limits one wheel slows the others in proportion, so that none drags."""
-    config, command, memory = configs[0], commands[0], memories[0]
     bound = config.steering_max_rad
     fastest = radius * np.abs(command.speed).max()
     scale = config.speed_max_mps / fastest if fastest > config.speed_max_mps else 1.0
@@ -161,17 +206,16 @@ def _follow(
 
 @compiled
 def _slow_down(
-    configs: Sequence[VehicleSafetyConfig],
+    config: VehicleSafetyConfig,
     radius: float,
     step_s: float,
-    all_wheels: Sequence[WheelState],
-    memories: Sequence[VehicleSafetyMemory],
+    inputs: VehicleInputs,
+    memory: VehicleSafetyMemory,
     deceleration: float,
     steering: Array,
 ) -> bool:
     """Slow all wheels alike, with the given angles; whether they have stopped."""
-    config, wheels, memory = configs[0], all_wheels[0], memories[0]
-    bound = config.steering_max_rad
+    wheels, bound = inputs.wheels[0], config.steering_max_rad
     angles = straight(steering, wheels.steering, memory.speed, memory.stuck)
     angles = np.minimum(np.maximum(angles, -bound), bound)
     memory.steering[:] = approached(memory.steering, angles, config.steering_rate_max_radps * step_s)
@@ -180,9 +224,8 @@ def _slow_down(
 
 
 @compiled
-def _brake(all_wheels: Sequence[WheelState], memories: Sequence[VehicleSafetyMemory]) -> None:
+def _brake(wheels: WheelState, memory: VehicleSafetyMemory) -> None:
     """No speed, and the angles at which the wheels are."""
-    wheels, memory = all_wheels[0], memories[0]
     memory.speed[:] = 0.0
     for wheel in range(memory.steering.shape[0]):
         if math.isfinite(wheels.steering[wheel]):

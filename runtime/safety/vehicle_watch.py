@@ -17,6 +17,7 @@ import numpy.typing as npt
 from runtime.compiled import compiled
 from runtime.models.inertial import InertialConfig
 from runtime.records import boolean, boolean_array, float64_array, int64, int64_array, uint32
+from runtime.safety.answers import is_powered
 from runtime.safety.common_watch import (
     WatchMemory,
     battery_faults,
@@ -48,7 +49,7 @@ class VehicleSafetyMemory(WatchMemory):
 
 
 class VehicleInputs(NamedTuple):
-    """Everything that is watched, each as the table of a record."""
+    """Everything that the filter reads, each as the table of a record."""
 
     imu: Sequence[Imu]
     wheels: Sequence[WheelState]
@@ -63,28 +64,27 @@ class VehicleInputs(NamedTuple):
 
 @compiled
 def vehicle_faults(
-    configs: Sequence[VehicleSafetyConfig],
-    inertials: Sequence[InertialConfig],
+    config: VehicleSafetyConfig,
+    inertial: InertialConfig,
     radius: float,
     slow: Mask,
-    memories: Sequence[VehicleSafetyMemory],
+    memory: VehicleSafetyMemory,
     inputs: VehicleInputs,
     now_ns: int,
 ) -> int:
     """Everything that is wrong, as bits of `Fault`.
 
     Args:
-        configs: limits.
-        inertials: what an inertial sample may be.
+        config: limits.
+        inertial: what an inertial sample may be.
         radius: of the wheels, m.
         slow: which of the unit's state frames come seldom.
-        memories: of the filter.
-        inputs: what is watched.
+        memory: of the filter.
+        inputs: of the filter.
         now_ns: time.
     """
-    config, memory, wheels = configs[0], memories[0], inputs.wheels[0]
-    powered = memory.mode == Mode.STANDING or memory.mode == Mode.ACTIVE
-    found = inertial_faults(config, inertials[0], memory, inputs.imu[0], now_ns)
+    wheels, powered = inputs.wheels[0], is_powered(memory.mode)
+    found = inertial_faults(config, inertial, memory, inputs.imu[0], now_ns)
     found |= frame_faults(config, memory, wheels, slow, now_ns)
     found |= wheel_faults(config, wheels, radius)
     found |= steering_faults(config, memory, wheels, powered, now_ns)
