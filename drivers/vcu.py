@@ -265,9 +265,7 @@ class VehicleUnit:
 
     # -- the bus --------------------------------------------------------------------------------------------------
 
-    def check_bus_load(
-        self, rate_hz: float, bit_rate: float, bus: str = "bus", bound: float = MAX_BUS_LOAD
-    ) -> float:
+    def check_bus_load(self, rate_hz: float, bit_rate: float, bus: str = "bus", bound: float = MAX_BUS_LOAD) -> float:
         """Share of the bus's time (1 is full) when all frames come at a rate and have the most stuff bits.
 
         Raises:

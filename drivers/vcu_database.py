@@ -167,7 +167,7 @@ def _loaded(path: Path) -> Database:
         raise DriverConfigError(f"{path.name}: cannot be read: {reason}") from None
     try:
         database = cantools.database.load_string(text, database_format="dbc")
-    except (DatabaseError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+    except _PARSER_ERRORS as error:
         raise DriverConfigError(f"{path.name}: not a valid DBC: {' '.join(str(error).split())}") from None
     assert isinstance(database, Database)
     return database
@@ -196,8 +196,10 @@ def _check_signal(signal: Signal, unit: str, place: str) -> None:
     found, declared, wanted = _range(signal), signal.unit or "", "" if unit == CODE else unit
     if declared != wanted:
         raise DriverConfigError(f"{place}: signal {signal.name}: the unit is '{declared}', not '{wanted}'")
-    if unit == CODE and not (_is_plain(signal) and 0 <= found.low and found.high <= _LARGEST_CODE):
-        raise DriverConfigError(f"{place}: signal {signal.name}: must be a plain number of 0 to {_LARGEST_CODE} at most")
+    if unit == CODE and not (_is_plain(signal) and found.low >= 0 and found.high <= _LARGEST_CODE):
+        raise DriverConfigError(
+            f"{place}: signal {signal.name}: must be a plain number of 0 to {_LARGEST_CODE} at most"
+        )
     if not -math.inf < found.low < found.high < math.inf or not found.resolution > 0.0:
         raise DriverConfigError(f"{place}: signal {signal.name}: {found.low} to {found.high} is not a range")
 

@@ -96,9 +96,7 @@ def add_sphere(
     body: mujoco.MjsBody, name: str, solref: list[float], position: Sequence[float], radius_m: float, **more: object
 ) -> None:
     """Add a sphere that touches the ground: at one point, where a long shape would have ten."""
-    add_touching(
-        body, name, solref, type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=position, size=[radius_m, 0, 0], **more
-    )
+    add_touching(body, name, solref, type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=position, size=[radius_m, 0, 0], **more)
 
 
 def add_hull(body: mujoco.MjsBody, name: str, link: Link, solref: list[float], color: Sequence[float]) -> None:

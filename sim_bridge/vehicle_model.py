@@ -20,6 +20,8 @@ GRAVITY_MPS2 = 9.81
 WHEEL_JOINTS = 3
 """Suspension, steering and driving: degrees of freedom of each wheel, in this order."""
 STEERING_FRICTION_NM = 1.0
+DRY_FRICTION = {"solref_friction": [0.002, 1.0], "solimp_friction": [0.9999, 0.9999, 0.001, 0.5, 2.0]}
+"""MuJoCo's own dry friction is soft: closed brakes would let the vehicle creep down a slope at 3 cm/s."""
 STEERING_STOP_RAD = 0.05
 """How far beyond its range a steering axis meets its end stop."""
 CHASSIS_COLOR, TYRE_COLOR, RIM_COLOR = [0.20, 0.35, 0.30, 1.0], [0.10, 0.10, 0.10, 1.0], [0.85, 0.45, 0.15, 1.0]
@@ -68,6 +70,7 @@ def _add_wheel(
         axis=[0, 0, 1],
         armature=config.steering_armature_kg_m2,
         frictionloss=STEERING_FRICTION_NM,
+        **DRY_FRICTION,
         limited=True,
         range=[-stop, stop],
     )
@@ -82,6 +85,7 @@ def _add_wheel(
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=[0, 1, 0],
         frictionloss=config.rolling_resistance_nm,
+        **DRY_FRICTION,
     )
     hub.explicitinertial = True
     hub.mass = description.wheel_mass_kg
@@ -99,10 +103,8 @@ def _add_wheel(
         priority=1,
         rgba=[0, 0, 0, 0],
     )
-    sideways = [-0.5**0.5, 0.5**0.5, 0.0, 0.0]
+    sideways = [-(0.5**0.5), 0.5**0.5, 0.0, 0.0]
     cylinder = mujoco.mjtGeom.mjGEOM_CYLINDER
     add_shape(hub, name=f"{name}_rubber", type=cylinder, quat=sideways, size=[radius, size, 0], rgba=TYRE_COLOR)
     spokes = mujoco.mjtGeom.mjGEOM_BOX
-    add_shape(
-        hub, name=f"{name}_spokes", type=spokes, size=[0.8 * radius, 1.05 * size, 0.15 * radius], rgba=RIM_COLOR
-    )
+    add_shape(hub, name=f"{name}_spokes", type=spokes, size=[0.8 * radius, 1.05 * size, 0.15 * radius], rgba=RIM_COLOR)

@@ -164,9 +164,7 @@ def _update(
         if braked or idle[torque.shape[0] + wheel]:
             profile[_SPEED, wheel], profile[_INTEGRAL, wheel], torque[wheel, 1] = speed, 0.0, 0.0
             continue
-        profile[_SPEED, wheel] = _toward(
-            profile[_SPEED, wheel], target[1, wheel], step_s * config.acceleration_radps2
-        )
+        profile[_SPEED, wheel] = _toward(profile[_SPEED, wheel], target[1, wheel], step_s * config.acceleration_radps2)
         error = profile[_SPEED, wheel] - speed
         integral = profile[_INTEGRAL, wheel] + error * step_s * config.speed_gain_nms_prad / config.speed_reset_s
         wanted = config.speed_gain_nms_prad * error + integral

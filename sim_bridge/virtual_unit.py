@@ -20,8 +20,8 @@ from drivers.vcu_database import WHEEL_NAMES, UnitDatabase
 from runtime.models.vehicle import WHEELS, Vehicle
 from runtime.robots.vehicle_simulation import VehicleSimulationConfig
 from sim_bridge.sensors import BatterySensor
-from sim_bridge.vehicle_motors import DRIVING, STEERING, VehicleMotors
 from sim_bridge.vehicle_model import STEERING_FRICTION_NM
+from sim_bridge.vehicle_motors import DRIVING, STEERING, VehicleMotors
 
 Array = npt.NDArray[np.float64]
 COUNT = len(WHEELS)

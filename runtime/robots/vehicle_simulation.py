@@ -63,7 +63,7 @@ class VehicleSimulationConfig(WorldConfig, frozen=True, forbid_unknown_fields=Tr
     speed_gain_nms_prad: Positive = 25.0
     speed_reset_s: Positive = 0.2
     acceleration_radps2: Positive = 10.0
-    brake_torque_nm: Positive = 25.0
+    brake_torque_nm: Positive = 35.0
     torque_constant_nm_pa: Positive = 1.2
     angle_noise_rad: NonNegative = 0.0002
     speed_noise_radps: NonNegative = 0.01
