@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import cantools
-from cantools.database import Error as DatabaseError
 from cantools.database.can import Database, Message, Signal
+from cantools.database.errors import Error as DatabaseError
 
 from drivers.can_frame import CAN_EFF_FLAG, MAX_DATA_LENGTH
 from drivers.checksum import crc8
@@ -59,6 +59,8 @@ STATES: Mapping[str, Units] = {
 """What the unit sends: one message a wheel, one for the unit, and one of temperatures."""
 
 COUNTER, CHECKSUM = "AliveCounter", "Checksum"
+_PARSER_ERRORS = (DatabaseError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError)
+"""What cantools raises for text that is no DBC."""
 _COUNTER_BITS, _CHECKSUM_BITS, _LARGEST_CODE = (2, 8), 8, 255
 
 
@@ -143,7 +145,7 @@ class UnitDatabase:
         states: in the order of `STATES`.
 
     Raises:
-        DriverConfigError: if the file cannot be read, or lacks a message or a signal, or lays one out as it cannot be used.
+        DriverConfigError: if the file cannot be read, lacks a message or a signal, or lays one out as it cannot be used.
     """
 
     def __init__(self, path: Path = OWN_DBC) -> None:
@@ -197,9 +199,7 @@ def _check_signal(signal: Signal, unit: str, place: str) -> None:
     if declared != wanted:
         raise DriverConfigError(f"{place}: signal {signal.name}: the unit is '{declared}', not '{wanted}'")
     if unit == CODE and not (_is_plain(signal) and found.low >= 0 and found.high <= _LARGEST_CODE):
-        raise DriverConfigError(
-            f"{place}: signal {signal.name}: must be a plain number of 0 to {_LARGEST_CODE} at most"
-        )
+        raise DriverConfigError(f"{place}: signal {signal.name}: must be a plain number within 0 to {_LARGEST_CODE}")
     if not -math.inf < found.low < found.high < math.inf or not found.resolution > 0.0:
         raise DriverConfigError(f"{place}: signal {signal.name}: {found.low} to {found.high} is not a range")
 

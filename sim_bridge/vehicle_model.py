@@ -2,8 +2,8 @@
 """The MuJoCo model of a vehicle with four steered and driven wheels on a terrain.
 
 Each wheel hangs on a knuckle that slides along its suspension and turns about the vertical; the wheel turns in it. The
-chassis is the knuckle's parent but the wheel's grandparent, so MuJoCo would let a wheel that overlaps it jam the vehicle:
-nothing of the vehicle touches anything of it.
+chassis is the knuckle's parent but the wheel's grandparent, so MuJoCo would let a wheel that overlaps it jam the
+vehicle: nothing of the vehicle touches anything of it.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ limited acceleration within its torque-speed curve. Both act on the true motion;
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -133,7 +134,7 @@ def _turning_speed(angle: float, aspect: float, motor: float, center: float) -> 
 
 @compiled
 def _update(
-    table: VehicleSimulationConfig,
+    table: Sequence[VehicleSimulationConfig],
     steps: Array,
     aspect: Array,
     position: Array,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vehicle's control unit at the far end of the wire: it decodes commands, runs the motors' controllers, and reports.
+"""The vehicle's control unit at the far end of the wire: it decodes commands, runs the motors, and reports.
 
 It knows nothing but the frames that it receives and its own sensors. A set of commands takes effect when all of its
 frames are there, with the same alive counter and right checksums; without a good set for the time-out it brakes.
@@ -80,7 +80,8 @@ class VirtualUnit:
         self.sets, self._heard_ns = 0, 0
         self.enabled = self.timed_out = self._drive = False
         self.fault, self._forced = np.zeros((2, 2 * COUNT), np.uint8)
-        self._jammed, self._muted, self._stuck_ns = np.zeros(COUNT, np.bool_), set(), np.zeros(COUNT)
+        self._jammed, self._stuck_ns = np.zeros(COUNT, np.bool_), np.zeros(COUNT)
+        self._muted: set[int] = set()
         self._sent = [0] * STATE_FRAMES
         self._watch_ns = 0
         self._put_in_force()
@@ -91,7 +92,8 @@ class VirtualUnit:
         """One step of the controllers.
 
         Args:
-            position, velocity: of the wheels' joints (suspension, steering, driving), (4, 3), rad and rad/s.
+            position: of the wheels' joints (suspension, steering, driving), (4, 3), m and rad.
+            velocity: of the same, m/s and rad/s.
             now_ns: time of the physics step.
 
         Returns:

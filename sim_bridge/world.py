@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the simulated worlds of all robots have in common: a body afloat in MuJoCo, its sensors, and what disturbs it."""
+"""What the worlds of all simulated robots have in common: a body afloat, its sensors, and what disturbs it."""
 
 from __future__ import annotations
 

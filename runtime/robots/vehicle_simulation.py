@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the simulator is told of a vehicle's suspension, motors and control unit; the runtime itself never reads these."""
+"""What the simulator is told of a vehicle's suspension, motors and control unit; the runtime never reads these."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class VehicleSimulationConfig(WorldConfig, frozen=True, forbid_unknown_fields=Tr
 
     Attributes:
         terrain_friction: of the tyres on the ground, where no patch has another.
-        suspension_stiffness_npm, suspension_damping_nspm, suspension_travel_m: of each wheel; the travel to either side.
+        suspension_stiffness_npm, suspension_damping_nspm, suspension_travel_m: of each wheel; travel to either side.
         rolling_resistance_nm: of each wheel, with its gear.
         steering_rate_radps: speed limit of each steering motor.
         center_rate_radps: limit of the steering angle of a bicycle whose front wheel is in the vehicle's middle (the
