@@ -31,6 +31,7 @@ from runtime.link.loop import link_loop
 from runtime.records import Record
 from runtime.robots import assembled, load_configuration
 from runtime.robots.robot_config import RobotConfig
+from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.signals import Mode
 from sim_bridge.endurance import WATCHED, EnduranceObserver, EnduringOperator, EnduringPath
 from sim_bridge.faults.injector import Injector, Tap
@@ -38,9 +39,10 @@ from sim_bridge.faults.live_buses import LiveBuses
 from sim_bridge.faults.live_table import LIVE_ROWS
 from sim_bridge.live_world import LiveWorld
 from sim_bridge.observer import SAMPLE_NS, Observer
-from sim_bridge.outlets import sources_of
-from sim_bridge.ros_outlet import RosOutlet
 from sim_bridge.outcome import outcome_of
+from sim_bridge.outlets import sources_of
+from sim_bridge.quadruped_world import QuadrupedWorld
+from sim_bridge.ros_outlet import RosOutlet
 from sim_bridge.run import rehearse
 from sim_bridge.scenario import Scenario
 from sim_bridge.script import ScriptedPath
@@ -143,6 +145,8 @@ def _live(task: Task, config: RobotConfig, course: Scenario, directory: Path) ->
         inputs = {record.topic: port for record, port, _ in sources}
         injector = None
         if isinstance(wires, LiveBuses):
+            assert isinstance(config, Uslgo1Config)
+            assert isinstance(world, QuadrupedWorld)
             faults = {row.name: row.inject for row in LIVE_ROWS if row.inject is not None}
             injector = Injector(config, world, wires, inputs, mirror, faults, directory, _answer, sys.stdin.fileno())
             sources = [(record, Tap(inputs, record.topic), outlet) for record, _, outlet in sources]

@@ -35,4 +35,6 @@ class VehicleTruthTask(Task):
         forward, lateral, _ = (matrix_of_quaternion(truth.orientation).T @ truth.linear_velocity).tolist()
         output.velocity = forward, lateral
         output.slip = truth.slip
-        output.resting = max(abs(forward), abs(lateral)) < RESTING_MPS and abs(truth.angular_velocity[2]) < RESTING_RADPS
+        output.resting = (
+            max(abs(forward), abs(lateral)) < RESTING_MPS and abs(truth.angular_velocity[2]) < RESTING_RADPS
+        )

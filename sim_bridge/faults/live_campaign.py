@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from runtime.recording.stalls import STALL_NS
 from runtime.robots import load_configuration
+from runtime.robots.uslgo1.config import Uslgo1Config
 from sim_bridge.faults import stage
 from sim_bridge.faults.live_judge import Verdict, judged, moved_unarmed
 from sim_bridge.faults.live_logs import LiveLogs
@@ -78,6 +79,7 @@ def _session(
     possible = [row for row in rows if row.name not in done.untried]
     episodes = play(possible, seed, logs, told)
     config = load_configuration(ROBOT)
+    assert isinstance(config, Uslgo1Config)
     read = LiveLogs(logs, {row.counted[0] for row in possible if row.counted is not None}, STALL_NS)
     for episode in episodes:
         done.verdicts[episode.row.name].append(judged(episode, read, config))

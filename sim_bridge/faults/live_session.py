@@ -17,6 +17,7 @@ import numpy as np
 from runtime.executors.processes import ProcessError
 from runtime.executors.runtime_directory import runtime_directory
 from runtime.recording.recorder_status import RecorderStatus, read_status
+from runtime.robots.uslgo1.config import Uslgo1Config
 from sim_bridge.faults.injector import FRAMES_FILE, Order
 from sim_bridge.faults.live_table import LiveRow
 from sim_bridge.faults.relay import Relay
@@ -85,6 +86,7 @@ def play(rows: Sequence[LiveRow], seed: int, logs: Path, told: Callable[[str], N
     """
     episodes: list[Episode] = []
     with runtime_directory() as directory, wired(ROBOT, {}, directory, hub_buses) as (config, _):
+        assert isinstance(config, Uslgo1Config)
         port = int(config.link.listen[0].rpartition(":")[2])
         with Relay(port) as relay:
             task = Task("", SCENARIO, seed, str(directory), duration_s=1e6, injects=True)

@@ -21,9 +21,7 @@ class Wheels:
     def __init__(self):
         self.twist, self.wheels = TwistCommand("/twist"), WheelState("/wheels", SIZES)
         self.command = WheelCommand("/command", SIZES)
-        self.task = SteeringTask(
-            GEOMETRY, SteeringLimits(), DRIVE, PERIOD_NS, self.twist, self.wheels, self.command
-        )
+        self.task = SteeringTask(GEOMETRY, SteeringLimits(), DRIVE, PERIOD_NS, self.twist, self.wheels, self.command)
         self.now_ns, self.wheels.stamp_ns = 0, 1
 
     def drive(self, forward, lateral, yaw_rate, manner, steps=200):
