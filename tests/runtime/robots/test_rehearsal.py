@@ -6,14 +6,19 @@ import sys
 
 import pytest
 
-from runtime.robots import load_configuration
-from runtime.robots.uslgo1.rehearsal import rehearse
+from runtime.robots import load_configuration, rehearse
 
 
 @pytest.mark.parametrize("estimator", ["kalman", "truth"])
 @pytest.mark.parametrize("controller", ["FpMW", "FpM"])
 def test_the_robot_comes_to_walk(estimator, controller):
     assert rehearse(load_configuration("uslgo1", {"variant.estimator": estimator, "variant.controller": controller}))
+
+
+@pytest.mark.parametrize("estimator", ["kalman", "truth"])
+@pytest.mark.parametrize("controller", ["fuzzy-ldc", "mpc"])
+def test_the_vehicle_comes_to_drive(estimator, controller):
+    assert rehearse(load_configuration("4ws4wd", {"variant.estimator": estimator, "variant.controller": controller}))
 
 
 FIRST_USES = """

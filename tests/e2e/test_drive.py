@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The vehicle through `ugv`: it drives, what it recorded is reported and replayed, and its wheels are told of."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def drive(ugv, tmp_path_factory):
+    """Three metres along a line: exit code and what was printed; `drive.args[-1]` is its directory."""
+    return ugv("sil", "4ws4wd", "straight-3", "--seed", 2, "--out", tmp_path_factory.mktemp("runs") / "drive")
+
+
+@pytest.fixture(scope="module")
+def recorded(drive):
+    """The directory of the drive; read only."""
+    assert drive.returncode == 0, drive.stderr + drive.stdout
+    return Path(drive.args[-1])
+
+
+def test_it_arrives_and_says_how(recorded, drive):
+    summary = json.loads((recorded / "summary.json").read_text())
+    assert summary["robot"] == "4ws4wd"
+    assert summary["controller"] == "fuzzy-ldc"
+    assert summary["completed"]
+    assert not summary["fell"]
+    assert summary["fault"] == ""
+    assert summary["lateral_error_m"]["max"] < 0.1
+    assert set(summary["missed_deadlines"]) == {"drive"}
+    assert "drive tick" in drive.stdout
+
+
+def test_the_report_shows_wheels_and_no_legs(recorded):
+    text = (recorded / "report.html").read_text()
+    for title in ("Steering angles", "Wheel speeds", "Slip", "Look-ahead", "Estimate"):
+        assert f"<h2>{title}</h2>" in text
+    for word in ("Joint torques", "k_v", "swing", "trunk", "MPC", "WBC"):
+        assert word not in text
+
+
+def test_every_task_replays_bit_for_bit(ugv, recorded):
+    done = ugv("replay", recorded)
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert done.stdout.rstrip().endswith("identical")
+    for task in ("decode", "authority", "estimator", "tracker", "steering", "safety", "encode"):
+        assert task in done.stdout
+
+
+def test_a_change_moves_the_outputs(ugv, recorded):
+    done = ugv("replay", recorded, "--task", "tracker", "--set", "controllers.fuzzy_ldc.longitudinal_gain=0.1")
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("scenario", ["crab", "spin", "reverse"])
+def test_a_velocity_is_driven_to_where_it_is_to_end(ugv, tmp_path, scenario):
+    done = ugv("sil", "4ws4wd", scenario, "--estimator", "truth", "--out", tmp_path / scenario)
+    assert done.returncode == 0, done.stderr + done.stdout
+
+
+def test_controllers_that_there_are_not_are_refused(ugv, tmp_path):
+    done = ugv("sil", "4ws4wd", "flat", "--controller", "FpMW", "--out", tmp_path / "run")
+    assert done.returncode == 2
+    assert "variant.controller" in done.stderr
+    assert "fuzzy-ldc" in done.stderr
