@@ -10,9 +10,8 @@ from runtime.signals import Mode, Motion, OperatorRequest, Path, SafetyStatus, S
 from runtime.tasks import Task
 from runtime.tracking import motion
 from runtime.tracking.drive_tracker_config import DriveTrackerConfig, DriveTrackerMemory, SolveMemory
-from runtime.tracking.followed_path import FollowedPath
+from runtime.tracking.followed_path import FollowedPath, Points
 from runtime.tracking.path_speed import SpeedPolicy
-from runtime.tracking.sections import sections_of
 from runtime.tracking.vehicle_tracker import SteeringPolicy, TrackCommand, VehicleTracker
 from runtime.tracking.velocity import REST, PlanarVelocity, approached, wanted_velocity
 from runtime.vehicle_signals import SteeringMode, TwistCommand, VehicleState, WheelState
@@ -53,20 +52,18 @@ class DriveTracker(Task):
         self.state: DriveTrackerMemory = DriveTrackerMemory("/ugv/state/tracker", path.sizes)
         self._tracker = VehicleTracker(policy(self.state), config.following, self.state.tracked, speed)
         self._tracker.forget()
-        self._followed = FollowedPath(self.state, sections_of)
+        self._followed = FollowedPath(self.state, self._take_up)
 
     def restore(self, data: bytes | memoryview) -> None:
         """Take up a saved state, and the path in it."""
         super().restore(data)
-        if self._followed.recall():
-            self._take_up()
+        self._followed.recall()
 
     def step(self, now_ns: int) -> None:
         """One command; see `Task`."""
         memory, command = self.state, self._command
         if self._followed.take(self._path):
             memory.arrived, memory.progress = False, 0.0
-            self._take_up()
             self._tracker.begin()
         pose = pose_of(self._body)
         command.clear()
@@ -92,10 +89,10 @@ class DriveTracker(Task):
         drives = self._safety.mode == Mode.ACTIVE and self._request.motion == Motion.WALK
         return not drives or self._safety.halt != 0
 
-    def _take_up(self) -> None:
-        memory, count = self.state, self.state.count
-        if count:
-            self._tracker.take(self._followed.points, bool(memory.closed))
+    def _take_up(self, points: Points, closed: bool) -> bool:
+        """Have the path tracked; a `PathError` leaves the one before."""
+        self._tracker.take(points, closed)
+        return True
 
     def _roam(self, wanted: PlanarVelocity, now_ns: int) -> None:
         """Follow a velocity."""

@@ -71,20 +71,14 @@ class FollowedPath(Generic[Line]):
         self.line, self._held = line, self._contents()
         return True
 
-    def recall(self) -> bool:
-        """Make the path anew after the memory was restored; true if it is another one."""
-        contents = self._contents()
+    def recall(self) -> None:
+        """Make the path anew after the memory was restored, if it is another one."""
+        memory, contents = self._memory, self._contents()
         if self.line is not None and contents == self._held:
-            return False
-        self._held = contents
-        self.line = self._make(self.points, bool(self._memory.closed)) if self._memory.count else None
-        return True
-
-    @property
-    def points(self) -> Points:
-        """The waypoints, n x 2, m."""
-        memory, count = self._memory, self._memory.count
-        return np.column_stack((memory.x[:count], memory.y[:count]))
+            return
+        count, self._held = memory.count, contents
+        points = np.column_stack((memory.x[:count], memory.y[:count]))
+        self.line = self._make(points, bool(memory.closed)) if count else None
 
     def _follows(self, path: Path) -> bool:
         """Whether these waypoints are followed already."""
