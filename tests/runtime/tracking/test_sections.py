@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ ZIGZAG = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.1), (1.0, 0.3), (0.0, 0.3), (1.0, 0.4)
 def test_splits_where_the_path_turns_back():
     stretches = split_at_cusps(ZIGZAG)
     assert [len(stretch) for stretch in stretches] == [3, 3, 3]
-    for before, after in zip(stretches, stretches[1:], strict=False):
+    for before, after in pairwise(stretches):
         assert tuple(before[-1]) == tuple(after[0])
     assert np.vstack([stretches[0], *(stretch[1:] for stretch in stretches[1:])]).tolist() == np.array(ZIGZAG).tolist()
 
