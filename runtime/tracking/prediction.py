@@ -52,7 +52,8 @@ class CommandHistory:
             answer: of the vehicle, the delay apart.
         """
         limits = (answer.wheelbase_m, answer.rate_radps, answer.lag_s, answer.acceleration_mps2)
-        return Motion(*_predict(self._rows, now_s, delay_s, tuple(map(float, motion)), limits))
+        x, y, yaw, speed, angle, yaw_rate = map(float, motion)
+        return Motion(*_predict(self._rows, now_s, delay_s, (x, y, yaw, speed, angle, yaw_rate), limits))
 
 
 @compiled
