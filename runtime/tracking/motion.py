@@ -30,17 +30,3 @@ class Motion(NamedTuple):
     def reversed(self) -> Motion:
         """The same seen from a driver who looks backwards: the rear wheels are then the front ones."""
         return Motion(self.x, self.y, wrapped(self.yaw + math.pi), -self.speed, -self.angle, self.yaw_rate)
-
-    def advanced(self, time_s: float, angle: float, speed: float, wheelbase_m: float) -> Motion:
-        """After a short time of driving at a centre angle and a speed, which it then has."""
-        yaw_rate = 2.0 * speed * math.tan(angle) / wheelbase_m
-        middle = self.yaw + 0.5 * yaw_rate * time_s
-        way = speed * time_s
-        return Motion(
-            self.x + way * math.cos(middle),
-            self.y + way * math.sin(middle),
-            self.yaw + yaw_rate * time_s,
-            speed,
-            angle,
-            yaw_rate,
-        )

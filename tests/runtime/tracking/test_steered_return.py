@@ -63,7 +63,10 @@ def test_comes_back_to_the_path_from_anywhere(lateral, heading, speed, rate):
         closest = LINE.closest(motion.x, motion.y, travelled, 3.0, beyond_goal=True)
         travelled = closest.progress
         wanted = answer.angle_of(law(LINE, motion, closest).curvature)
-        motion = motion.advanced(step, answer.answered(motion.angle, wanted, step), speed, answer.wheelbase_m)
+        angle = answer.answered(motion.angle, wanted, step)
+        yaw = motion.yaw + step * speed * answer.curvature_of(angle)
+        x, y = motion.x + step * speed * math.cos(yaw), motion.y + step * speed * math.sin(yaw)
+        motion = Motion(x, y, yaw, speed, angle)
         errors.append(abs(motion.y))
         if motion.x > 58.0:
             break
