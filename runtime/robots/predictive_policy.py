@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from runtime.models.rotations import wrapped
-from runtime.tracking.curvature import mean_curvature
+from runtime.tracking.curvature import curvatures_ahead
 from runtime.tracking.drive_tracker_config import SolveMemory
 from runtime.tracking.motion import Motion
 from runtime.tracking.polyline import ClosestPoint, Polyline
@@ -34,13 +34,10 @@ class PredictivePolicy:
     def __call__(self, path: Polyline, motion: Motion, closest: ClosestPoint) -> Pursuit:
         """The arc for a vehicle that drives forwards; the closest point of the path is known."""
         memory, mpc = self._memory, self._mpc
-        spacing = mpc.station_spacing(motion.speed)
-        stations = closest.progress + spacing * np.arange(mpc.stations)
-        curvatures = np.array([mean_curvature(path, s, SPAN_M) for s in stations.tolist()])
-        heading = wrapped(motion.yaw - closest.heading)
-        answer = mpc.solve(
-            closest.lateral_error, heading, motion.angle, float(memory.angle[0]), motion.speed, curvatures
-        )
+        spacing, heading = mpc.station_spacing(motion.speed), wrapped(motion.yaw - closest.heading)
+        curvatures = np.array(curvatures_ahead(path, closest.progress, spacing, mpc.stations, SPAN_M))
+        before = float(memory.angle[0])
+        answer = mpc.solve(closest.lateral_error, heading, motion.angle, before, motion.speed, curvatures)
         memory.residual[0] = answer.residual
         if answer.solved and math.isfinite(answer.angle):
             memory.angle[0] = answer.angle
