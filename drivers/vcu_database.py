@@ -145,7 +145,7 @@ class UnitDatabase:
         states: in the order of `STATES`.
 
     Raises:
-        DriverConfigError: if the file cannot be read, lacks a message or a signal, or lays one out as it cannot be used.
+        DriverConfigError: if the file cannot be read, lacks a message or a signal, or lays one out unusably.
     """
 
     def __init__(self, path: Path = OWN_DBC) -> None:
