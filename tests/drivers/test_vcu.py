@@ -102,9 +102,18 @@ def test_readings_hold_what_the_frames_say():
     vehicle, readings = unit(), UnitReadings.empty()
     assert np.isnan(readings.temperature).all()
     frames = states(
-        SteeringAngle=-0.5, WheelSpeed=2.0, MotorCurrent=-3.0, DriveFault=1, SteeringFault=3, UnitMode=2, UnitEnabled=1,
-        BatteryVoltage=50.5, BatteryCurrent=4.0, BatteryCharge=0.75, **{name: 61 for name in STATES["MotorTemperatures"]}
-    )  # fmt: skip
+        SteeringAngle=-0.5,
+        WheelSpeed=2.0,
+        MotorCurrent=-3.0,
+        DriveFault=1,
+        SteeringFault=3,
+        UnitMode=2,
+        UnitEnabled=1,
+        BatteryVoltage=50.5,
+        BatteryCurrent=4.0,
+        BatteryCharge=0.75,
+        **{name: 61 for name in STATES["MotorTemperatures"]},
+    )
     assert decode(vehicle, frames, readings) == STATE_FRAMES
     np.testing.assert_allclose(readings.steering, -0.5)
     np.testing.assert_allclose(readings.speed, 2.0)
@@ -262,7 +271,7 @@ def test_a_dbc_that_does_not_do_is_refused_in_one_sentence(tmp_path, before, aft
 
 
 def test_a_dbc_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(DriverConfigError, match="none.dbc: cannot be read: No such file"):
+    with pytest.raises(DriverConfigError, match=r"none\.dbc: cannot be read: No such file"):
         unit(tmp_path / "none.dbc")
 
 

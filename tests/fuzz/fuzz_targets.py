@@ -31,6 +31,8 @@ from drivers.dialects import dialect_named
 from drivers.errors import DriverError
 from drivers.joint_group import JointGroup, Readings
 from drivers.unix_hub import UnixHub
+from drivers.vcu import UnitReadings, VehicleUnit
+from drivers.vcu_database import OWN_DBC, UnitDatabase
 from runtime.configuration import dump, loads, parse_overrides
 from runtime.errors import UgvError
 from runtime.executors.shared_memory import SharedReader, SharedWriter
@@ -148,6 +150,44 @@ def frame_seeds() -> list[bytes]:
         replies[place : place + 4] = struct.pack("<I", 0)
         replies[place + 8] = place // FRAME_BYTES % 3 + 1
     return [commands, bytes(replies), group.enable_frames().tobytes()]
+
+
+@functools.cache
+def control_unit() -> tuple[VehicleUnit, UnitReadings]:
+    """The control unit of the vehicle."""
+    return VehicleUnit(10_000_000), UnitReadings.empty()
+
+
+def decode_states(data: bytes) -> None:
+    """A batch of a control unit's frames, on its bus."""
+    unit, readings = control_unit()
+    count = min(len(data) // FRAME_BYTES, FRAMES)
+    frames = np.frombuffer(data[: count * FRAME_BYTES], unit.frames.dtype)
+    before = int(unit.counters.sum(dtype=np.int64))
+    accepted = unit.decode(frames, np.zeros(count, np.uint8), np.full(count, 1, np.int64), count, readings)
+    assert 0 <= accepted <= count
+    assert accepted + int(unit.counters.sum(dtype=np.int64)) - before >= count, "a frame was neither taken nor counted"
+    assert np.isfinite(readings.steering).all()
+    assert np.isfinite(readings.speed).all()
+
+
+def state_seeds() -> list[bytes]:
+    """One frame of each kind, all alive counters."""
+    unit, _ = control_unit()
+    seeds = [unit.encode_braking(True).tobytes()]
+    for alive in range(4):
+        frames = np.zeros(len(unit.database.states), unit.frames.dtype)
+        for row, message in enumerate(unit.database.states):
+            content = message.encode({name: bounds.high for name, bounds in message.ranges.items()}, alive)
+            frames[row] = message.can_id, message.length, 0, np.frombuffer(content.ljust(8, b"\0"), np.uint8)
+        seeds.append(frames.tobytes())
+    return seeds
+
+
+def decode_dbc(data: bytes) -> None:
+    """The description of a control unit's frames."""
+    with file_of(data, "unit.dbc") as place:
+        UnitDatabase(place)
 
 
 @functools.cache
@@ -355,6 +395,8 @@ MESSAGES, RECORDING = ("runtime.messages",), ("runtime.recording", "mcap")
 
 TARGETS = (
     Target("frames", decode_frames, ("drivers",), frame_seeds, batches),
+    Target("unit_states", decode_states, ("drivers",), state_seeds),
+    Target("dbc", decode_dbc, ("drivers.vcu_database", "cantools"), lambda: [OWN_DBC.read_bytes()]),
     Target("packets", decode_packets, ("drivers",), lambda: [b"\x10" + bytes(16) + b"\x05abcde"]),
     Target("config", decode_config, ("runtime.configuration", "tomllib"), lambda: [config_text().encode()]),
     Target(
