@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from runtime.models.rotations import wrapped
-from runtime.wheeled.geometry import VehicleGeometry
+from runtime.models.vehicle import VehicleGeometry
 
 REACH_TOLERANCE_RAD = 1e-9
 
@@ -85,7 +85,7 @@ def wheel_targets(
             speed.append(0.0)
             continue
         direction = math.atan2(vy, vx)
-        reached = reachable_angle(direction, angle, geometry.steering_limit_rad, slack_rad)
+        reached = reachable_angle(direction, angle, geometry.steering_range_rad, slack_rad)
         steering.append(reached)
         # the part along the wheel, negative where it runs backwards
         speed.append(rolling * math.cos(direction - reached) / geometry.wheel_radius_m)

@@ -16,8 +16,8 @@ from typing import Annotated, NamedTuple
 import msgspec
 from msgspec import Meta
 
+from runtime.models.vehicle import VehicleGeometry
 from runtime.vehicle_signals import SteeringMode
-from runtime.wheeled.geometry import VehicleGeometry
 from runtime.wheeled.steering import (
     STANDSTILL,
     Twist,

@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
+from runtime.models.vehicle import VehicleGeometry
 from runtime.records import Record, boolean, float64, float64_array, int64, uint8
 from runtime.tasks import Task
 from runtime.vehicle_signals import TwistCommand, WheelCommand, WheelState
-from runtime.wheeled.geometry import VehicleGeometry
 from runtime.wheeled.steering import Twist
 from runtime.wheeled.steering_sequence import SteeringLimits, SteeringState, next_targets, standing
 

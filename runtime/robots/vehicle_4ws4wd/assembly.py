@@ -91,7 +91,7 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
         board.twist,
     )
     steering = SteeringTask(
-        config.geometry, config.steering, UnitCommandMode.DRIVE, period_ns, board.twist, board.wheels, board.command
+        config.vehicle, config.steering, UnitCommandMode.DRIVE, period_ns, board.twist, board.wheels, board.command
     )
     safety = VehicleSafetyTask(
         config.safety,

@@ -25,7 +25,6 @@ from runtime.tracking.regulated_pursuit import RegulatedPursuit, RegulatedSpeed
 from runtime.tracking.steered_return import SteeredReturn
 from runtime.tracking.vehicle_tracker import SteeringPolicy
 from runtime.tracking.waypoint_pursuit import WaypointPursuit
-from runtime.wheeled.geometry import VehicleGeometry
 from runtime.wheeled.steering_sequence import SteeringLimits
 from runtime.wheeled.tracking_mpc import TrackingMpcConfig
 
@@ -149,12 +148,6 @@ class Vehicle4ws4wdConfig(RobotConfig, frozen=True, forbid_unknown_fields=True):
     def highest_priority(self) -> int:
         """That of the loop."""
         return self.loops.drive_priority
-
-    @property
-    def geometry(self) -> VehicleGeometry:
-        """The vehicle as its steering kinematics see it."""
-        vehicle = self.vehicle
-        return VehicleGeometry(vehicle.wheelbase_m, vehicle.track_m, vehicle.wheel_radius_m, vehicle.steering_range_rad)
 
     @property
     def policy(self) -> SteeringPolicy:

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.wheeled.geometry import VehicleGeometry, centre_angle, centre_curvature, inner_angle
+from runtime.models.vehicle import VehicleGeometry
+from runtime.wheeled.geometry import centre_angle, centre_curvature, inner_angle
 from runtime.wheeled.steering import (
     STANDSTILL,
     Twist,
@@ -75,7 +76,7 @@ def test_wheels_roll_without_slip(twist, present):
     for (vx, vy), angle, speed in zip(wheel_velocities(twist, VEHICLE), targets.steering, targets.speed, strict=True):
         rolling = speed * VEHICLE.wheel_radius_m
         assert (rolling * math.cos(angle), rolling * math.sin(angle)) == pytest.approx((vx, vy), abs=1e-7)
-        assert abs(angle) <= VEHICLE.steering_limit_rad
+        assert abs(angle) <= VEHICLE.steering_range_rad
 
 
 @given(twists, four_angles)
@@ -89,7 +90,7 @@ def test_no_wheel_turns_further_than_a_quarter_unless_its_limit_forbids(twist, p
     targets = wheel_targets(twist, VEHICLE, present, rest_mps=1e-9)
     for angle, before in zip(targets.steering, present, strict=True):
         other = angle - math.copysign(math.pi, angle)
-        assert abs(angle - before) <= QUARTER + 1e-9 or abs(other) > VEHICLE.steering_limit_rad
+        assert abs(angle - before) <= QUARTER + 1e-9 or abs(other) > VEHICLE.steering_range_rad
 
 
 @given(speeds, st.floats(-1.0, 1.0), four_angles)
@@ -125,7 +126,7 @@ def test_slack_spares_the_half_turn_at_the_limit():
 
 
 def test_wheel_that_cannot_point_along_its_motion_turns_by_the_part_along_it():
-    narrow = VehicleGeometry(steering_limit_rad=0.5)
+    narrow = VehicleGeometry(steering_range_rad=0.5)
     targets = wheel_targets(Twist(0.0, 1.0, 0.0), narrow, AHEAD)
     assert {abs(angle) for angle in targets.steering} == {0.5}
     assert targets.speed == pytest.approx((math.sin(0.5) / narrow.wheel_radius_m,) * 4)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runtime.wheeled.geometry import VehicleGeometry
+from runtime.models.vehicle import VehicleGeometry
 from runtime.wheeled.steering import STANDSTILL, Twist, twist_of_wheels
 from runtime.wheeled.steering_sequence import (
     Phase,

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
+from runtime.models.vehicle import VehicleGeometry
 from runtime.vehicle_signals import SteeringMode, TwistCommand, WheelCommand, WheelState
-from runtime.wheeled.geometry import VehicleGeometry
 from runtime.wheeled.steering import Twist, wheel_targets
 from runtime.wheeled.steering_sequence import Phase, SteeringLimits
 from runtime.wheeled.steering_task import SteeringTask
