@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A vehicle that moves as it is told and is known exactly, with the sensors of a real one; for the tests."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ from runtime.models.rotations import quaternion_of_yaw, roll_pitch_yaw, wrapped
 
 SIZES = {"wheel": 4, "axle_drive": 8, "unit_frame": 4}
 POSITIONS = np.array([[0.585, 0.37], [0.585, -0.37], [-0.585, 0.37], [-0.585, -0.37]])
+PLACES = POSITIONS.tolist()
 RADIUS = 0.2
 MS, PERIOD_NS = 1_000_000, 10_000_000
 EXACT = {"imu": 0.0, "wheels": 0.0, "position": 0.0, "yaw": 0.0, "bias": 0.0}
@@ -24,11 +26,16 @@ NOISY = {"imu": 1.0, "wheels": 0.02, "position": 0.02, "yaw": 0.0087266, "bias":
 
 def wheels_for(twist):
     """Angles within 90 degrees and signed speeds of four wheels that roll (FORMULAS, paper 002)."""
-    vx, vy, w = twist
-    forward, left = vx - w * POSITIONS[:, 1], vy + w * POSITIONS[:, 0]
-    angle, speed = np.arctan2(left, forward), np.hypot(forward, left) / RADIUS
-    back = np.abs(angle) > np.pi / 2
-    return np.where(back, angle - np.sign(angle) * np.pi, angle), np.where(back, -speed, speed)
+    vx, vy, w = map(float, twist)
+    angles, speeds = [], []
+    for x, y in PLACES:
+        forward, left = vx - w * y, vy + w * x
+        angle, speed = math.atan2(left, forward), math.hypot(forward, left) / RADIUS
+        if abs(angle) > math.pi / 2:
+            angle, speed = angle - math.copysign(math.pi, angle), -speed
+        angles.append(angle)
+        speeds.append(speed)
+    return np.array(angles), np.array(speeds)
 
 
 def rpy_matrix(roll, pitch, yaw):
@@ -68,7 +75,9 @@ class Drive:
         self.config = VehicleFilterConfig() if config is None else config
         self.noise, self.rng, self.late_ns, self.every_ns = noise, np.random.default_rng(seed), late_ns, every_ns
         self.slope = rpy_matrix(*slope, 0.0)
-        self.plane, self.twist, self.now_ns = np.array([0.0, 0.0, yaw]), np.zeros(3), 1000 * MS
+        self.gravity = (GRAVITY * self.slope[2]).tolist()  # of the plane's axes
+        self.plane, self.twist, self.now_ns = (0.0, 0.0, yaw), np.zeros(3), 1000 * MS
+        self.spread = noise["imu"] * np.sqrt(500.0) * np.repeat((0.003, 0.0003), 3)
         self.bias = noise["bias"] * self.rng.standard_normal(6) * np.repeat((0.05, 0.003), 3)
         self.imu, self.pose = signals.Imu("/imu"), signals.Pose("/pose")
         self.wheels = vehicle_signals.WheelState("/wheels", SIZES)
@@ -97,25 +106,26 @@ class Drive:
     def step(self, twist, seconds=0.01, measured=True, felt=True):
         """Move for a time, with an inertial sample or without, and estimate unless the tick is skipped."""
         before, self.twist = self.twist, np.array(twist, dtype=np.float64)
-        mean = 0.5 * (before + self.twist)
-        middle = self.plane[2] + 0.5 * seconds * mean[2]
-        c, s = np.cos(middle), np.sin(middle)
-        self.plane += seconds * np.array([c * mean[0] - s * mean[1], s * mean[0] + c * mean[1], mean[2]])
-        self.travelled += seconds * np.hypot(mean[0], mean[1])
+        vx, vy, w = (0.5 * (before + self.twist)).tolist()
+        x, y, yaw = self.plane
+        c, s = math.cos(yaw + 0.5 * seconds * w), math.sin(yaw + 0.5 * seconds * w)
+        self.plane = x + seconds * (c * vx - s * vy), y + seconds * (s * vx + c * vy), yaw + seconds * w
+        self.travelled += seconds * math.hypot(vx, vy)
         self.now_ns += round(seconds * 1e9)
         if felt:
-            self.feel((self.twist - before) / seconds)
+            self.feel(*((self.twist - before) / seconds).tolist()[:2])
         self.roll()
         self.localize()
         if measured:
             self.task.step(self.now_ns)
 
-    def feel(self, gained):
-        """An inertial sample: means of the densities at 500 Hz."""
-        vx, vy, w = self.twist
-        force = np.array([gained[0] - w * vy, gained[1] + w * vx, 0.0]) + self.rotation.T @ (0.0, 0.0, GRAVITY)
-        spread = self.noise["imu"] * np.sqrt(500.0) * np.repeat((0.003, 0.0003), 3)
-        sample = np.concatenate((force, (0.0, 0.0, w))) + self.bias + spread * self.rng.standard_normal(6)
+    def feel(self, forward, left):
+        """An inertial sample in which the twist grows at these rates: means of the densities at 500 Hz."""
+        vx, vy, w = self.twist.tolist()
+        c, s = math.cos(self.plane[2]), math.sin(self.plane[2])
+        gx, gy, gz = self.gravity
+        exact = forward - w * vy + c * gx + s * gy, left + w * vx - s * gx + c * gy, gz, 0.0, 0.0, w
+        sample = np.array(exact) + self.bias + self.spread * self.rng.standard_normal(6)
         self.imu.linear_acceleration, self.imu.angular_velocity = sample[:3], sample[3:]
         self.imu.stamp_ns = self.now_ns
         self.imu.sequence += 1
@@ -170,7 +180,7 @@ def lemniscate(speed, seconds, half_width=8.0):
     parameter = 0.0
     for tick in range(round(seconds * 100)):
         along = speed * min(1.0, max(0.0, tick / 100 - 2.0) / 2.0)
-        s, c = np.sin(parameter), np.cos(parameter)
-        curvature = 3.0 * c / (half_width * np.sqrt(1.0 + s * s))
-        parameter += along * 0.01 * np.sqrt(1.0 + s * s) / half_width
+        s, c = math.sin(parameter), math.cos(parameter)
+        curvature = 3.0 * c / (half_width * math.sqrt(1.0 + s * s))
+        parameter += along * 0.01 * math.sqrt(1.0 + s * s) / half_width
         yield along, 0.0, along * curvature
