@@ -91,13 +91,14 @@ TWISTS = [
 ]
 
 
-@pytest.mark.parametrize("ground", [None, FIELD], ids=["plane", "field"])
-@pytest.mark.parametrize("twist", TWISTS)
+@pytest.mark.parametrize(
+    ("twist", "ground"), [*((twist, None) for twist in TWISTS), *((one, FIELD) for one in TWISTS[1::3])]
+)
 def test_where_tyres_hold_it_moves_as_its_wheels_stand(twist, ground):
     """Straight, arcs, crabbing and spinning in place: radius and twist within half a percent of the kinematics."""
     rig, (angles, speeds) = Rig(ground), wheels_for(*twist)
-    rig.run(1.6, angles).run(1.0, angles, speeds).run(2.0, angles, speeds)
-    rows = np.array(rig.track[-200:])
+    rig.run(1.4, angles).run(1.0, angles, speeds).run(1.0, angles, speeds)
+    rows = np.array(rig.track[-100:])
     np.testing.assert_allclose(rows[:, 2:].mean(axis=0), twist, atol=0.005 * max(np.abs(twist)))
     if twist[2]:
         radius = math.hypot(*twist[:2]) / abs(twist[2])
@@ -128,8 +129,8 @@ def test_wheels_turn_freely_though_they_overlap_the_chassis():
     assert (data.qvel[6:].reshape(4, 3)[:, 2] > 2.0).all()
 
 
-@pytest.mark.parametrize("degrees", [15.0, 20.0])
-def test_it_climbs_a_slope_and_its_brakes_hold_it_there(degrees):
+def test_it_climbs_a_slope_and_its_brakes_hold_it_there():
+    degrees = 20.0
     rig = Rig(terrain.slope(degrees, (-2.0, 7.0, -2.0, 2.0)))
     rig.run(4.5, STRAIGHT, [3.0] * 4)
     assert rig.world.tilt == pytest.approx(math.radians(degrees), abs=0.02)
