@@ -40,7 +40,10 @@ class ScriptedDriver:
     def read(self, record: Record, now_ns: int) -> bool:
         """Give the next event."""
         assert isinstance(record, OperatorEvent)
+        gone = self._gone
         self._look()
+        if self._gone and not gone:
+            self._next_ns = now_ns  # he lets go at once
         record.clear()
         if self._orders and now_ns >= self._orders[0][0]:
             _, record.request, record.motion = self._orders.pop(0)

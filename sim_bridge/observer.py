@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from runtime.records import Record
 from runtime.robots import topics
@@ -50,8 +49,7 @@ class Observer:
     ) -> None:
         self._world, self._scenario, self._simulation, self._progress = world, scenario, simulation, progress
         self._safety: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
-        self._command: Any = records[topics.BODY_COMMAND]
-        self._moves = simulation.moves(records)
+        self._finished = simulation.finished(scenario, records)
         self._records = records
         self.samples: list[tuple[float, float, float, float]] = []
         self.fell, self.fault = False, Fault.NONE
@@ -85,7 +83,7 @@ class Observer:
             self.fault = Fault(self._safety.warning)
         if self.fell or self.fault:
             self._end_ns = min(self._end_ns, now_ns + SETTLE_AFTER_FAULT_NS)
-        if self._command.arrived and not self._moves():
+        if self._finished():
             self._end_ns = min(self._end_ns, now_ns + STOPPED_FOR_NS)
         if not self._scenario.waypoints:
             self._stood |= mode == Mode.STANDING

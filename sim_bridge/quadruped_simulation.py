@@ -15,7 +15,7 @@ from runtime.records import Record
 from runtime.robots import topics
 from runtime.robots.uslgo1.assembly import PATH_CAPACITY
 from runtime.robots.uslgo1.config import Uslgo1Config
-from runtime.signals import Gait
+from runtime.signals import BodyCommand, Gait
 from runtime.tracking.path_csv import read_path_csv
 from sim_bridge.courses import custom, scenario
 from sim_bridge.quadruped_world import QuadrupedWorld
@@ -76,9 +76,11 @@ class QuadrupedSimulation:
         """Has the robot stand up and walk, or sit down again where there is no path."""
         return ScriptedOperator(course, self._config.posture.rise_s)
 
-    def moves(self, records: Mapping[str, Record]) -> Callable[[], bool]:
-        """Whether it walks."""
-        return partial(getattr, _gait(records), "walking")
+    def finished(self, course: Scenario, records: Mapping[str, Record]) -> Callable[[], bool]:
+        """Whether it is where the path ends, and walks no more."""
+        gait, command = _gait(records), records[topics.BODY_COMMAND]
+        assert isinstance(command, BodyCommand)
+        return lambda: bool(command.arrived and not gait.walking)
 
     def ready(self, records: Mapping[str, Record]) -> Callable[[], bool]:
         """Whether its legs carry it under feedback."""

@@ -25,7 +25,7 @@ class Simulation(Protocol):
         warm_up, warm_up_ns: a scenario, and a time by which the robot moves and every part of its loops has been used.
         step_ns: of the physics.
         fallen_clearance_m: a robot whose origin is closer to the ground lies on it.
-        watched: topics of what `moves`, `ready` and `push_ns` look at.
+        watched: topics of what `finished`, `ready` and `push_ns` look at.
     """
 
     warm_up: str
@@ -46,8 +46,8 @@ class Simulation(Protocol):
     def operator(self, course: Scenario, world: World) -> InputPort:
         """The operator of one run of a scenario, who sees the robot."""
 
-    def moves(self, records: Mapping[str, Record]) -> Callable[[], bool]:
-        """Tells whether the robot is on its way, from what its loops write."""
+    def finished(self, course: Scenario, records: Mapping[str, Record]) -> Callable[[], bool]:
+        """Tells whether the robot has done all that is asked for in a scenario, from what its loops write."""
 
     def ready(self, records: Mapping[str, Record]) -> Callable[[], bool]:
         """Tells whether a robot that stands can go, from what its loops write."""

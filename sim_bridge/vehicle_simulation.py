@@ -12,6 +12,7 @@ from runtime.records import Record
 from runtime.robots import topics
 from runtime.robots.vehicle_4ws4wd.assembly import PATH_CAPACITY
 from runtime.robots.vehicle_4ws4wd.config import Vehicle4ws4wdConfig
+from runtime.signals import OperatorRequest, Steering
 from runtime.tracking.path_csv import read_path_csv
 from runtime.vehicle_signals import TwistCommand
 from sim_bridge.drive_script import ScriptedDriver
@@ -65,15 +66,25 @@ class VehicleSimulation:
         if course.velocity is None:
             return ScriptedOperator(course, 0.0)
         limits = self._config.tracker.following.speed
+        late_s = self._config.delay.initial_s + self._config.simulation.command_delay_ns * 1e-9
         forward, lateral, yaw_rate = map(abs, course.velocity)
         braking_s = max(max(forward, lateral) / limits.deceleration_mps2, yaw_rate / limits.yaw_acceleration_radps2)
-        return ScriptedDriver(course, world, 0.5 * braking_s)
+        return ScriptedDriver(course, world, late_s + 0.5 * braking_s)
 
-    def moves(self, records: Mapping[str, Record]) -> Callable[[], bool]:
-        """Whether any motion is asked for."""
-        twist = records[topics.BODY_COMMAND]
+    def finished(self, course: Scenario, records: Mapping[str, Record]) -> Callable[[], bool]:
+        """Whether it has slowed to a stand where the path ends, or since the operator let go."""
+        twist, request = records[topics.BODY_COMMAND], records[topics.OPERATOR]
         assert isinstance(twist, TwistCommand)
-        return lambda: bool(twist.velocity.any() or twist.yaw_rate)
+        assert isinstance(request, OperatorRequest)
+
+        def done() -> bool:
+            if course.velocity is None:
+                over = bool(twist.arrived)
+            else:
+                over = request.steering == Steering.VELOCITY and not request.velocity.any()
+            return over and not twist.velocity.any() and twist.yaw_rate == 0.0
+
+        return done
 
     def ready(self, records: Mapping[str, Record]) -> Callable[[], bool]:
         """It can go whenever it stands."""
