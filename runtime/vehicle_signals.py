@@ -104,6 +104,13 @@ class VehicleTruth(Record):
     normal_force = float64_array("wheel", "N", "of the ground on each wheel")
 
 
+class CommandDelay(Record):
+    """How late the vehicle answers."""
+
+    stamp_ns = int64("ns")
+    delay = float64("s", "from a command to what the wheels do, as learnt; 0 where none is reckoned with")
+
+
 class TwistCommand(Record):
     """What the tracker asks of the vehicle's centre."""
 

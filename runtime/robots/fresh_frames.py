@@ -7,6 +7,9 @@ from typing import Protocol
 
 from runtime.signals import CanFrames
 
+NEVER_OLD_NS = (1 << 63) - 1
+"""Stamp of frames that are true at any time."""
+
 
 class FrameOutput(Protocol):
     """Where frames leave a loop."""

@@ -8,12 +8,11 @@ import numpy as np
 from drivers.can_frame import as_frames
 from drivers.joint_group import REJECTED, Counter, JointGroup, Readings
 from runtime.records import Record, uint32_array
+from runtime.robots.fresh_frames import NEVER_OLD_NS
 from runtime.signals import CanFrames, JointCommand, JointState, Mode, OperatorRequest, SafetyStatus
 from runtime.tasks import Task
 
 COUNTERS = len(Counter)
-NEVER_OLD_NS = (1 << 63) - 1
-"""Stamp of frames that are true at any time."""
 
 
 class CounterMemory(Record):

@@ -8,6 +8,7 @@ import numpy as np
 from drivers.can_frame import as_frames
 from drivers.vcu import COMMAND_FRAMES, REJECTED, STATE_FRAMES, UNIT_STATE, Counter, UnitReadings, VehicleUnit
 from runtime.records import Record, float64_array, uint8_array, uint32_array
+from runtime.robots.fresh_frames import NEVER_OLD_NS
 from runtime.signals import Battery, CanFrames
 from runtime.tasks import Task
 from runtime.vehicle_signals import WheelCommand, WheelState
@@ -99,3 +100,16 @@ class EncodeUnitTask(Task):
         unit.encode(command.mode, bool(command.enable), command.steering, command.speed, command.stamp_ns, now_ns)
         output.stamp_ns, output.count = now_ns, COMMAND_FRAMES
         output.data[: unit.data.shape[0]] = unit.data
+
+
+def braking_frames(unit: VehicleUnit, frames: CanFrames) -> CanFrames:
+    """The record filled with what the unit is to be told last: to brake, without power for its motors.
+
+    The set is there twice, with two alive counters, of which one at least is not that of the last command.
+    """
+    sets = [unit.encode_braking(enable=False).tobytes() for _ in range(2)]
+    frames.stamp_ns, frames.count = NEVER_OLD_NS, len(sets) * COMMAND_FRAMES
+    frames.bus[: frames.count] = unit.bus[0]
+    data = np.frombuffer(b"".join(sets), np.uint8)
+    frames.data[: data.shape[0]] = data
+    return frames

@@ -87,6 +87,10 @@ class DelayEstimator:
         self.memory[:] = 0.0
         self._scalars[1] = self._config.initial_s
 
+    def pause(self) -> None:
+        """Forget the commands, but not what has been learnt: the vehicle does not obey at present."""
+        self._scalars[0], self._commands[:] = 0.0, 0.0
+
     @property
     def delay_s(self) -> float:
         """The estimate."""

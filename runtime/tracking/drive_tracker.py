@@ -14,7 +14,8 @@ from runtime.tracking.followed_path import FollowedPath, Points
 from runtime.tracking.path_speed import SpeedPolicy
 from runtime.tracking.vehicle_tracker import SteeringPolicy, TrackCommand, VehicleTracker
 from runtime.tracking.velocity import REST, PlanarVelocity, approached, wanted_velocity
-from runtime.vehicle_signals import SteeringMode, TwistCommand, VehicleState, WheelState
+from runtime.tracking.wheel_motion import centre_angle
+from runtime.vehicle_signals import CommandDelay, SteeringMode, TwistCommand, VehicleState, WheelState
 
 
 class DriveTracker(Task):
@@ -22,13 +23,14 @@ class DriveTracker(Task):
 
     A path is run from its start, to its goal, once: the same waypoints sent again only change the speed, and are run
     again only after a withdrawal. The vehicle slows to a stand, and goes on from there, when safety asks for it, when
-    it is not asked to drive, or when there is no path any more. While the estimate is not finite it is to stand.
+    it is not asked to drive, or when there is no path any more. While the estimate is not finite it is to stand. What
+    is steered from is the pose at which the wheels will answer.
 
     Args:
         config: parameters.
         policy: makes what says which arc to drive, given its memory.
         speed: how fast to drive it; None for as fast as bends and the goal allow.
-        path, body, wheels, request, safety: records read.
+        path, body, wheels, delay, request, safety: records read.
         command: record written.
     """
 
@@ -42,13 +44,14 @@ class DriveTracker(Task):
         path: Path,
         body: VehicleState,
         wheels: WheelState,
+        delay: CommandDelay,
         request: OperatorRequest,
         safety: SafetyStatus,
         command: TwistCommand,
     ) -> None:
-        self._config, self._path, self._body, self._wheels = config, path, body, wheels
+        self._config, self._path, self._body, self._wheels, self._delay = config, path, body, wheels, delay
         self._request, self._safety, self._command = request, safety, command
-        self.reads, self.writes = (path, body, wheels, request, safety), (command,)
+        self.reads, self.writes = (path, body, wheels, delay, request, safety), (command,)
         self.state: DriveTrackerMemory = DriveTrackerMemory("/ugv/state/tracker", path.sizes)
         self._tracker = VehicleTracker(policy(self.state), config.following, self.state.tracked, speed)
         self._tracker.forget()
@@ -107,8 +110,8 @@ class DriveTracker(Task):
         """Follow the path."""
         memory, command = self.state, self._command
         forward, yaw_rate = float(self._body.velocity[0]), float(self._body.angular_velocity[2])
-        moving = motion.Motion(*pose, forward, centre_angle(self._wheels), yaw_rate)
-        wanted = self._tracker.step(now_ns * 1e-9, moving, memory.path_speed, self._config.delay_s, self._halted)
+        moving = motion.Motion(*pose, forward, centre_angle(self._wheels.steering), yaw_rate)
+        wanted = self._tracker.step(now_ns * 1e-9, moving, memory.path_speed, self._delay.delay, self._halted)
         memory.forward, memory.lateral, memory.yaw_rate = wanted.speed, 0.0, wanted.yaw_rate
         memory.manner = SteeringMode.SPIN if wanted.turning else SteeringMode.ACKERMANN
         memory.arrived, memory.progress = wanted.arrived, wanted.progress
@@ -130,12 +133,6 @@ def pose_of(body: VehicleState) -> tuple[float, float, float] | None:
     if not all(map(math.isfinite, values)) or i * i + j * j + k * k + w * w < 0.25:
         return None
     return x, y, math.atan2(2.0 * (w * k + i * j), w * w + i * i - j * j - k * k)
-
-
-def centre_angle(wheels: WheelState) -> float:
-    """Steering angle of the bicycle that front and rear wheels together make, about, rad."""
-    front_left, front_right, rear_left, rear_right = wheels.steering.tolist()
-    return 0.25 * float(front_left + front_right - rear_left - rear_right)
 
 
 def manner_of(wanted: PlanarVelocity, present: int) -> int:

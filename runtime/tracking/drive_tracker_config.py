@@ -3,14 +3,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import msgspec
-from msgspec import Meta
 
 from runtime.records import Record, boolean, float64, float64_array, int64, uint8, uint32_array
 from runtime.tracking.followed_path import FollowedPathMemory
-from runtime.tracking.prediction import CAPACITY
 from runtime.tracking.vehicle_tracker import VehicleTracker, VehicleTrackerConfig
 from runtime.tracking.velocity import VelocityLimits
 
@@ -19,18 +15,12 @@ class DriveTrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     """Parameters of the tracker, whichever controller it has.
 
     Attributes:
-        delay_s: from a command to the wheels, which the pose is predicted over; 0 for no prediction.
         following: of a path.
         velocity: limits of a velocity that the operator asks for instead.
     """
 
-    delay_s: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.03
     following: VehicleTrackerConfig = msgspec.field(default_factory=VehicleTrackerConfig)
     velocity: VelocityLimits = msgspec.field(default_factory=VelocityLimits)
-
-    def longest_delay_s(self, period_s: float) -> float:
-        """The longest delay whose commands can all be remembered."""
-        return CAPACITY * period_s
 
 
 class SolveMemory(Record):

@@ -13,11 +13,12 @@ from runtime.models.vehicle import WHEELS
 from runtime.robots import topics
 from runtime.robots.predictive_policy import PredictivePolicy
 from runtime.robots.robot import Robot
-from runtime.robots.unit_tasks import DecodeUnitTask, EncodeUnitTask
+from runtime.robots.unit_tasks import DecodeUnitTask, EncodeUnitTask, braking_frames
 from runtime.robots.vehicle_4ws4wd.config import Vehicle4ws4wdConfig
 from runtime.safety.authority import AuthorityTask
 from runtime.safety.vehicle_task import VehicleSafetyTask
 from runtime.tasks import Loop, Scheduled, Task
+from runtime.tracking.delay_task import DelayTask
 from runtime.tracking.drive_tracker import DriveTracker
 from runtime.tracking.drive_tracker_config import SolveMemory
 from runtime.tracking.vehicle_tracker import SteeringPolicy
@@ -59,6 +60,7 @@ class _Board:
         self.path = signals.Path(topics.PATH, lengths)
         self.wheels = vehicle_signals.WheelState(topics.WHEEL_STATE, lengths)
         self.body = vehicle_signals.VehicleState(topics.BODY_STATE, lengths)
+        self.delay = vehicle_signals.CommandDelay(topics.COMMAND_DELAY)
         self.twist = vehicle_signals.TwistCommand(topics.BODY_COMMAND)
         self.command = vehicle_signals.WheelCommand(topics.WHEEL_COMMAND, lengths)
         self.command_safe = vehicle_signals.WheelCommand(topics.WHEEL_COMMAND_SAFE, lengths)
@@ -86,6 +88,7 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
         board.path,
         board.body,
         board.wheels,
+        board.delay,
         board.operator,
         board.safety,
         board.twist,
@@ -113,12 +116,15 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
         board.command_safe,
         board.safety,
     )
-    encode = EncodeUnitTask(config.drives.unit(), board.command_safe, board.can_sent)
+    sending, every = config.drives.unit(), loops.drive_hz // loops.tracker_hz
+    last = braking_frames(sending, board.can_sent.like())
+    encode = EncodeUnitTask(sending, board.command_safe, board.can_sent)
     schedule = (
         Scheduled(decode),
         Scheduled(authority),
         Scheduled(_estimator(config, board)),
-        Scheduled(tracker, loops.drive_hz // loops.tracker_hz),
+        *(Scheduled(task, every) for task in _learning(config, board)),
+        Scheduled(tracker, every),
         Scheduled(steering),
         Scheduled(safety),
         Scheduled(encode),
@@ -142,7 +148,15 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
         receives=(),
         schedule=schedule,
         port_outputs=(board.can_sent,),
+        last_outputs=(last,),
     )
+
+
+def _learning(config: Vehicle4ws4wdConfig, board: _Board) -> tuple[Task, ...]:
+    if not config.reckons_with_delay:
+        return ()
+    answer, radius_m = config.tracker.following.answer, config.vehicle.wheel_radius_m
+    return (DelayTask(config.delay, answer, radius_m, board.wheels, board.command_safe, board.delay),)
 
 
 def _policy(config: Vehicle4ws4wdConfig, memory: SolveMemory) -> SteeringPolicy:

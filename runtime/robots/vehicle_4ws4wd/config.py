@@ -19,8 +19,10 @@ from runtime.models.vehicle import Vehicle
 from runtime.robots.robot_config import BusConfig, RobotConfig, Variant
 from runtime.robots.vehicle_simulation import VehicleSimulationConfig
 from runtime.safety.vehicle_config import VehicleSafetyConfig
+from runtime.tracking.delay_estimation import DelayConfig
 from runtime.tracking.drive_tracker_config import DriveTrackerConfig
 from runtime.tracking.path_speed import SpeedPolicy
+from runtime.tracking.prediction import CAPACITY
 from runtime.tracking.regulated_pursuit import RegulatedPursuit, RegulatedSpeed
 from runtime.tracking.steered_return import SteeredReturn
 from runtime.tracking.vehicle_tracker import SteeringPolicy
@@ -29,6 +31,8 @@ from runtime.wheeled.steering_sequence import SteeringLimits
 from runtime.wheeled.tracking_mpc import TrackingMpcConfig
 
 NS_PER_SECOND = 1_000_000_000
+PEERS = ("pure-pursuit", "regulated")
+"""Controllers of others, for comparison."""
 
 
 class VariantConfig(Variant, frozen=True, forbid_unknown_fields=True):
@@ -136,6 +140,7 @@ class Vehicle4ws4wdConfig(RobotConfig, frozen=True, forbid_unknown_fields=True):
     loops: LoopsConfig
     vehicle: Vehicle
     steering: SteeringLimits
+    delay: DelayConfig
     tracker: DriveTrackerConfig
     controllers: ControllersConfig
     inertial: InertialConfig
@@ -154,6 +159,11 @@ class Vehicle4ws4wdConfig(RobotConfig, frozen=True, forbid_unknown_fields=True):
         """The controller that was chosen, if it needs no memory."""
         chosen: SteeringPolicy = getattr(self.controllers, self.variant.controller.replace("-", "_"))
         return chosen
+
+    @property
+    def reckons_with_delay(self) -> bool:
+        """Whether the controller steers from where the vehicle will be; the peers do not, as published."""
+        return self.variant.controller not in PEERS
 
     @property
     def speed_policy(self) -> SpeedPolicy | None:
@@ -189,9 +199,9 @@ class Vehicle4ws4wdConfig(RobotConfig, frozen=True, forbid_unknown_fields=True):
                 raise ConfigError(
                     f"simulation.{key} = {rate} gives a period that is no multiple of time_step_ns = {step_ns}"
                 )
-        longest_s = self.tracker.longest_delay_s(self.loops.tracker_period_ns * 1e-9)
-        if self.tracker.delay_s > longest_s:
-            raise ConfigError(f"tracker.delay_s = {self.tracker.delay_s:g} is above {longest_s:g}")
+        longest_s = CAPACITY * self.loops.tracker_period_ns * 1e-9
+        if self.delay.maximum_s > longest_s:
+            raise ConfigError(f"delay.maximum_s = {self.delay.maximum_s:g} is above {longest_s:g}")
 
 
 CONFIG = Vehicle4ws4wdConfig

@@ -7,7 +7,7 @@ from drivers.bus_load import MAX_BUS_LOAD
 from runtime.configuration import dump, loads
 from runtime.errors import ConfigError
 from runtime.robots import assemble, assembled, description, load_configuration
-from runtime.robots.vehicle_4ws4wd.config import Vehicle4ws4wdConfig
+from runtime.robots.vehicle_4ws4wd.config import PEERS, Vehicle4ws4wdConfig
 
 CONTROLLERS = ("fuzzy-ldc", "fuzzy", "ldc", "pure-pursuit", "regulated", "steered-return", "mpc")
 
@@ -25,7 +25,7 @@ REFUSED = {
     "two buses": ({"drives.channels": '["can0", "can1"]'}, ("drives.channels", "one bus")),
     "no such DBC": ({"drives.dbc": "nowhere.dbc"}, ("drives.dbc", "nowhere.dbc")),
     "unknown controller": ({"variant.controller": "stanley"}, ("variant.controller", "stanley", "fuzzy-ldc")),
-    "a delay beyond memory": ({"tracker.delay_s": "1.9"}, ("tracker.delay_s", "1.9")),
+    "a delay beyond memory": ({"delay.maximum_s": "1.9"}, ("delay.maximum_s", "1.9")),
     "a step off the period": ({"simulation.time_step_ns": "3000000"}, ("simulation.time_step_ns", "3000000")),
 }
 
@@ -54,7 +54,8 @@ def test_every_variant_can_be_assembled_from_its_own_text(controller, estimator)
     config = load_configuration("4ws4wd", {"variant.controller": controller, "variant.estimator": estimator})
     (loop,) = assemble("4ws4wd", dump(config))
     names = [item.task.name for item in loop.schedule]
-    assert names == ["decode", "authority", "estimator", "tracker", "steering", "safety", "encode"]
+    learning = [] if controller in PEERS else ["delay"]
+    assert names == ["decode", "authority", "estimator", *learning, "tracker", "steering", "safety", "encode"]
 
 
 def test_every_signal_has_one_writer_and_every_reader_a_source():

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from drivers.can_frame import as_frames
-from drivers.vcu import COMMAND_FRAMES, UnitCommandMode
+from drivers.vcu import COMMAND_FRAMES, Counter, UnitCommandMode, UnitMode
 from runtime.robots import load_configuration
-from runtime.robots.unit_tasks import DecodeUnitTask, EncodeUnitTask
+from runtime.robots.unit_tasks import DecodeUnitTask, EncodeUnitTask, braking_frames
 from runtime.robots.vehicle_4ws4wd.assembly import sizes
 from runtime.signals import Battery, CanFrames
 from runtime.vehicle_signals import WheelCommand, WheelState
@@ -99,3 +99,18 @@ def test_damaged_states_are_counted(ends):
     frames["data"][0, 1] ^= 0xFF
     ends.decode.step(ends.now_ns)
     assert ends.wheels.corrupt == 1
+
+
+@pytest.mark.parametrize("sent", range(16))
+def test_what_the_unit_is_told_last_brakes_whatever_was_told_before(ends, sent):
+    ends.command.enable = True
+    ends.encode.state.counters[Counter.SENT] = sent
+    ticks(ends, 10)
+    ends.command.mode, ends.command.speed = UnitCommandMode.DRIVE, 1.0
+    ticks(ends, 20)
+    unit = ends.world.unit
+    assert unit.mode == UnitMode.DRIVE
+    ends.writer.write(braking_frames(CONFIG.drives.unit(), CanFrames("/last", SIZES)), ends.now_ns)
+    ends.world.advance(ends.now_ns + 5_000_000)
+    assert unit.mode == UnitMode.OFF
+    assert not unit.timed_out

@@ -13,11 +13,11 @@ from runtime.tracking.drive_tracker_config import DriveTrackerConfig
 from runtime.tracking.paths import straight
 from runtime.tracking.velocity import PlanarVelocity
 from runtime.tracking.waypoint_pursuit import FUZZY_LDC
-from runtime.vehicle_signals import SteeringMode, TwistCommand, VehicleState, WheelState
+from runtime.vehicle_signals import CommandDelay, SteeringMode, TwistCommand, VehicleState, WheelState
 
 PERIOD_S = 0.02
 SIZES = {"path": 512, "wheel": 4, "axle_drive": 8, "unit_frame": 6}
-CONFIG = DriveTrackerConfig(delay_s=0.0)
+CONFIG = DriveTrackerConfig()
 
 
 class Vehicle:
@@ -26,6 +26,7 @@ class Vehicle:
     def __init__(self, aside_m=0.0):
         self.path, self.body, self.wheels = Path("/path", SIZES), VehicleState("/body", SIZES), WheelState("/w", SIZES)
         self.request, self.safety, self.command = OperatorRequest("/o"), SafetyStatus("/s"), TwistCommand("/t")
+        self.delay = CommandDelay("/d")
         self.task = DriveTracker(
             CONFIG,
             lambda memory: FUZZY_LDC,
@@ -33,6 +34,7 @@ class Vehicle:
             self.path,
             self.body,
             self.wheels,
+            self.delay,
             self.request,
             self.safety,
             self.command,
@@ -129,6 +131,16 @@ def test_a_velocity_is_followed_and_the_path_waits(velocity, manner):
 
 def test_at_rest_the_way_of_steering_stays():
     assert manner_of(PlanarVelocity(0.0, 0.0, 0.0), SteeringMode.CRAB) == SteeringMode.CRAB
+
+
+def test_the_command_is_made_for_the_pose_at_which_the_wheels_answer():
+    vehicle = Vehicle()
+    vehicle.give(straight(12.0))
+    vehicle.run(3.0)
+    assert vehicle.command.predicted[0] == pytest.approx(vehicle.body.position[0], abs=0.02)
+    vehicle.delay.delay = 0.5
+    vehicle.step()
+    assert vehicle.command.predicted[0] == pytest.approx(vehicle.body.position[0] + 0.5 * 0.6, abs=0.02)
 
 
 def test_an_estimate_that_is_no_number_is_answered_by_standing():
