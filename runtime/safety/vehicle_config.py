@@ -30,6 +30,7 @@ class VehicleSafetyConfig(CommonSafetyConfig, frozen=True, forbid_unknown_fields
         steering_error_rad: a wheel whose angle is further from the commanded one, and does not
         steering_step_rad: turn by this
         steering_stuck_ns: within so long, is stuck.
+        refusal_ns: a control unit that does not drive for so long though it is told to stops the vehicle for good.
         state_late_ns: with a state frame older than this there is a warning,
         state_age_max_ns: and with an older one of a wheel, or of the unit itself, the vehicle stops for good,
         slow_state_age_max_ns: as it does with an older one of those that come seldom.
@@ -46,6 +47,7 @@ class VehicleSafetyConfig(CommonSafetyConfig, frozen=True, forbid_unknown_fields
     steering_error_rad: Angle = 0.15
     steering_step_rad: Angle = 0.02
     steering_stuck_ns: Age = 500_000_000
+    refusal_ns: Age = 300_000_000
     state_late_ns: Age = 15_000_000
     state_age_max_ns: Age = 50_000_000
     slow_state_age_max_ns: Age = 500_000_000

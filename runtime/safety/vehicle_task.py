@@ -43,8 +43,9 @@ class VehicleSafetyTask(Task):
         inertial: what an inertial sample may be.
         radius: of the wheels, m.
         slow_frames: of each of the unit's state frames, whether it comes seldom.
-        drive_mode: the mode in which the unit obeys, as it counts them.
-        brake_mode: the mode in which it brakes.
+        drive_mode: asks the unit to drive, as it counts them.
+        brake_mode: asks it to brake.
+        driving_mode: is what it reports while it drives.
         period_ns: of the loop.
         imu, wheels, body, battery, buses, timing, operator, twist, command: records read.
         output, status: records written.
@@ -60,6 +61,7 @@ class VehicleSafetyTask(Task):
         slow_frames: Sequence[bool],
         drive_mode: int,
         brake_mode: int,
+        driving_mode: int,
         period_ns: int,
         imu: Imu,
         wheels: WheelState,
@@ -93,7 +95,7 @@ class VehicleSafetyTask(Task):
             table_of(inertial),
             radius,
             np.array(slow_frames, dtype=np.bool_),
-            (drive_mode, brake_mode),
+            (drive_mode, brake_mode, driving_mode),
             period_ns * 1e-9,
             inputs,
             self.state.table,
@@ -112,7 +114,7 @@ def _pass(
     inertials: Sequence[InertialConfig],
     radius: float,
     slow: npt.NDArray[np.bool_],
-    unit_modes: tuple[int, int],
+    unit_modes: tuple[int, int, int],
     step_s: float,
     inputs: VehicleInputs,
     memories: Sequence[VehicleSafetyMemory],
@@ -122,7 +124,7 @@ def _pass(
 ) -> None:
     """Look for faults, decide on the mode, and pass the command on as far as it may be."""
     config, memory, output, status = configs[0], memories[0], outputs[0], statuses[0]
-    found = vehicle_faults(config, inertials[0], radius, slow, memory, inputs, now_ns)
+    found = vehicle_faults(config, inertials[0], radius, slow, unit_modes[2], memory, inputs, now_ns)
     before = int(memory.mode)
     mode = _next_mode(before, found, inputs.operator[0], inputs.body[0].resting)
     if mode == Mode.DAMPED and before != Mode.DAMPED:
@@ -174,7 +176,7 @@ def _go_on(
 
 @compiled
 def _publish(
-    unit_modes: tuple[int, int],
+    unit_modes: tuple[int, int, int],
     command: WheelCommand,
     memory: VehicleSafetyMemory,
     output: WheelCommand,

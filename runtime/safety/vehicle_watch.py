@@ -2,7 +2,8 @@
 """Looks for what is wrong with a vehicle on steered wheels and with its commands; finds bits of `Fault`.
 
 A wheel takes the place of a joint: JOINT_POSITION is a wheel whose steering is stuck, JOINT_VELOCITY one that turns too
-fast, STALE_MOTOR a state frame that no longer comes, MOTOR_FAULT what the control unit says of its motors.
+fast, STALE_MOTOR a state frame that no longer comes, MOTOR_FAULT what the control unit says of its motors, or that it
+does not drive them.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ class VehicleSafetyMemory(WatchMemory):
     braked = boolean("the brakes are on, and stay so")
     angle = float64_array("wheel", "rad", "at which each wheel last was seen to turn, or to be where it should")
     turned_ns = int64_array("wheel", "ns", "when that was")
+    driven_ns = int64("ns", "when the unit last drove, or was not to")
     stuck = boolean_array("wheel", "the steering did not follow")
 
 
@@ -68,6 +70,7 @@ def vehicle_faults(
     inertial: InertialConfig,
     radius: float,
     slow: Mask,
+    drives: int,
     memory: VehicleSafetyMemory,
     inputs: VehicleInputs,
     now_ns: int,
@@ -79,6 +82,7 @@ def vehicle_faults(
         inertial: what an inertial sample may be.
         radius: of the wheels, m.
         slow: which of the unit's state frames come seldom.
+        drives: the mode that the unit reports while it drives.
         memory: of the filter.
         inputs: of the filter.
         now_ns: time.
@@ -87,6 +91,7 @@ def vehicle_faults(
     found = inertial_faults(config, inertial, memory, inputs.imu[0], now_ns)
     found |= frame_faults(config, memory, wheels, slow, now_ns)
     found |= wheel_faults(config, wheels, radius)
+    found |= refusal_faults(config, memory, powered and wheels.mode != drives, now_ns)
     found |= steering_faults(config, memory, wheels, powered, now_ns)
     found |= bus_faults(memory, inputs.buses[0])
     found |= estimate_faults(config, inputs.body[0])
@@ -135,10 +140,18 @@ def wheel_faults(config: VehicleSafetyConfig, wheels: WheelState, radius: float)
 
 
 @compiled
+def refusal_faults(config: VehicleSafetyConfig, memory: VehicleSafetyMemory, refused: bool, now_ns: int) -> int:
+    """A unit that does not do as it is told for too long, as after commands that reached it damaged."""
+    if not refused:
+        memory.driven_ns = now_ns
+    return Fault.MOTOR_FAULT.value if now_ns - memory.driven_ns > config.refusal_ns else 0
+
+
+@compiled
 def steering_faults(
     config: VehicleSafetyConfig, memory: VehicleSafetyMemory, wheels: WheelState, powered: bool, now_ns: int
 ) -> int:
-    """Wheels that are told to turn and do not; which of them did not stays known while the vehicle stops."""
+    """Wheels that are told to turn and do not, or cannot by the unit's own word; they stay known while it stops."""
     found = 0
     for wheel in range(wheels.steering.shape[0]):
         angle = wheels.steering[wheel]
@@ -146,7 +159,8 @@ def steering_faults(
         if not powered or follows or abs(angle - memory.angle[wheel]) >= config.steering_step_rad:
             memory.angle[wheel], memory.turned_ns[wheel] = angle, now_ns
         if powered:
-            memory.stuck[wheel] = now_ns - memory.turned_ns[wheel] > config.steering_stuck_ns
+            late = now_ns - memory.turned_ns[wheel] > config.steering_stuck_ns
+            memory.stuck[wheel] = late or wheels.fault[wheel] != 0
             if memory.stuck[wheel]:
                 found |= Fault.JOINT_POSITION.value
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from drivers.vcu import STATE_FRAMES, TEMPERATURES, UnitCommandMode
+from drivers.vcu import STATE_FRAMES, TEMPERATURES, UnitCommandMode, UnitMode
 from runtime import signals, vehicle_signals
 from runtime.estimation.vehicle_filter_task import VehicleFilterTask
 from runtime.estimation.vehicle_truth_task import VehicleTruthTask
@@ -103,6 +103,7 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
         [frame == TEMPERATURES for frame in range(STATE_FRAMES)],
         UnitCommandMode.DRIVE,
         UnitCommandMode.BRAKE,
+        UnitMode.DRIVE,
         period_ns,
         board.imu,
         board.wheels,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from drivers.vcu import UnitMode
 from runtime.models.rigid_body import GRAVITY
 from runtime.records import Record
 from runtime.robots.vehicle_4ws4wd.assembly import assemble
@@ -53,7 +54,8 @@ class _Scene:
         if isinstance(record, WheelCommand):
             self._steering[:], self._speed[:] = record.steering, record.speed
         elif isinstance(record, WheelState):
-            record.stamp_ns, record.reply_ns, record.enabled = now_ns, now_ns, True
+            record.stamp_ns, record.reply_ns = now_ns, now_ns
+            record.mode, record.enabled = UnitMode.DRIVE, True
             record.steering, record.speed, record.temperature = self._steering, self._speed, 25.0
         elif isinstance(record, Imu):
             record.stamp_ns, record.sequence = now_ns, elapsed_ns

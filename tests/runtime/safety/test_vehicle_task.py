@@ -18,7 +18,7 @@ from runtime.signals import BusState, Fault, Mode, Motion
 SIZES = {"wheel": 4, "axle_drive": 8, "unit_frame": 6, "bus": 1}
 POSITIONS = np.array([[0.585, 0.37], [0.585, -0.37], [-0.585, 0.37], [-0.585, -0.37]])
 SLOW = (False, False, False, False, False, True)
-RADIUS, DRIVE, BRAKE = 0.2, 1, 0
+RADIUS, DRIVE, BRAKE, DRIVING = 0.2, 1, 0, 2
 CONFIG = VehicleSafetyConfig()
 MS, TICK_S = 1_000_000, 0.01
 ANY = st.floats(allow_nan=True, allow_infinity=True)
@@ -40,7 +40,7 @@ class Rig:
         self.command, self.output = (vehicle_signals.WheelCommand(topic, SIZES) for topic in ("/command", "/safe"))
         self.status = signals.SafetyStatus("/status")
         self.body.orientation, self.battery.voltage = (0.0, 0.0, 0.0, 1.0), 29.0
-        self.wheels.temperature = 40.0
+        self.wheels.temperature, self.wheels.mode = 40.0, DRIVING
         self.operator.motion, self.operator.arm, self.operator.held = Motion.WALK, True, True
         self.task = VehicleSafetyTask(
             config,
@@ -49,6 +49,7 @@ class Rig:
             SLOW,
             DRIVE,
             BRAKE,
+            DRIVING,
             10 * MS,
             self.imu,
             self.wheels,
@@ -66,6 +67,7 @@ class Rig:
         for record in (self.command, self.wheels, self.task.state):
             record.steering, record.speed = steering, speed / RADIUS
         self.jammed, self.mute, self.path = (), (), [np.zeros(3)]
+        self.refuses = False
 
     def step(self, keep=()):
         """One tick with everything fresh, but for what `keep` names, and the motion that follows."""
@@ -84,10 +86,11 @@ class Rig:
 
     def roll(self):
         """Wheels that obey, brakes that hold, and a vehicle that goes as the wheels that are not at fault say."""
+        self.wheels.mode = DRIVING if self.output.mode == DRIVE and not self.refuses else 0
         for wheel in range(4):
             if wheel not in self.jammed:
                 self.wheels.steering[wheel] = self.output.steering[wheel]
-            self.wheels.speed[wheel] = self.output.speed[wheel] if self.output.mode == DRIVE else 0.0
+            self.wheels.speed[wheel] = self.output.speed[wheel] if self.wheels.mode == DRIVING else 0.0
         c, s = np.cos(self.wheels.steering), np.sin(self.wheels.steering)
         x, y = POSITIONS.T
         rows = np.concatenate((np.c_[c, s, s * x - c * y], np.c_[-s, c, c * x + s * y]))
@@ -205,6 +208,10 @@ def report_a_fault(rig):
     rig.wheels.fault[6] = 2
 
 
+def refuse_to_drive(rig):
+    rig.refuses = True
+
+
 def tip(rig):
     rig.body.orientation = (np.sin(0.55), 0.0, 0.0, np.cos(0.55))
 
@@ -236,6 +243,7 @@ GRAVE = [
     (silence_a_wheel, Fault.STALE_MOTOR, 50),
     (silence_the_temperatures, Fault.STALE_MOTOR, 500),
     (report_a_fault, Fault.MOTOR_FAULT, 0),
+    (refuse_to_drive, Fault.MOTOR_FAULT, 300),
     (tip, Fault.TILT, 0),
     (lose_tilt, Fault.TILT, 0),
     (drain, Fault.VOLTAGE, 0),
@@ -275,6 +283,16 @@ def test_a_braked_vehicle_keeps_to_its_bend():
     speed = np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1)
     bends = np.diff(path[:, 2])[speed > 1e-6] / speed[speed > 1e-6]
     np.testing.assert_allclose(bends, bends[0], rtol=1e-3)
+
+
+@pytest.mark.parametrize("wheel", range(4))
+def test_a_wheel_that_cannot_be_steered_by_the_units_word_is_stuck(wheel):
+    rig = Rig(speed=1.0)
+    rig.step()
+    rig.wheels.fault[wheel] = 3
+    rig.step()
+    assert rig.status.fault == Fault.JOINT_POSITION | Fault.MOTOR_FAULT
+    assert list(np.flatnonzero(rig.task.state.stuck)) == [wheel]
 
 
 @pytest.mark.parametrize("wheel", range(4))
