@@ -7,15 +7,16 @@ import concurrent.futures
 import concurrent.futures.process
 import multiprocessing
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from runtime.cli.console import ReportProgress
 from runtime.cli.sil import simulate
 from runtime.errors import UgvError
 
 Summary = dict[str, Any]
+Item, Result = TypeVar("Item"), TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -48,14 +49,19 @@ def run_job(job: Job) -> Summary:
 
 def run_jobs(jobs: Sequence[Job], progress: ReportProgress) -> list[Summary]:
     """Run all, and return their summaries in the order of the jobs."""
+    return in_processes(run_job, jobs, progress)
+
+
+def in_processes(run: Callable[[Item], Result], items: Sequence[Item], progress: ReportProgress) -> list[Result]:
+    """Call a function of a module with each item, and return the results in the order of the items."""
     context = multiprocessing.get_context("spawn")
-    workers = min(len(jobs), os.cpu_count() or 1)
+    workers = min(len(items), os.cpu_count() or 1)
     with concurrent.futures.ProcessPoolExecutor(workers, mp_context=context) as pool:
-        running = [pool.submit(run_job, job) for job in jobs]
+        running = [pool.submit(run, item) for item in items]
         try:
             for done, _ in enumerate(concurrent.futures.as_completed(running), start=1):
-                progress(done, len(jobs))
-            return [run.result() for run in running]
+                progress(done, len(items))
+            return [one.result() for one in running]
         except concurrent.futures.process.BrokenProcessPool:
             raise BatchError("a run's process was killed, by the system for lack of memory or by hand") from None
         except BaseException:

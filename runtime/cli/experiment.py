@@ -9,6 +9,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
+from runtime.cli.experiment_paper_002 import PLANTS, run_paper_002
 from runtime.cli.options import positive
 from runtime.errors import UsageError, unknown
 
@@ -26,7 +27,7 @@ S_CURVE = {
     "FpM": Printed(0.2933, 0.1981, 68.0),
     "pMW": Printed(0.5133, 0.3822, 75.0),
 }
-EXPERIMENTS = ("paper-000", "faults")
+EXPERIMENTS = ("paper-000", "paper-002", "faults")
 OURS, BASELINE = "FpMW", "pMW"
 SIMULATIONS = {"line-3cm": None, "line-6cm": None, "circle-6cm": 62.0}
 """The paper's simulations, and the time (s) that it reports of one."""
@@ -34,11 +35,12 @@ SIMULATIONS = {"line-3cm": None, "line-6cm": None, "circle-6cm": 62.0}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
-    parser.add_argument("name", metavar="NAME", help="paper-000 or faults")
-    parser.add_argument("--seeds", type=positive, metavar="N", help="runs of each comparison (10), or fault (3)")
+    parser.add_argument("name", metavar="NAME", help="paper-000, paper-002 or faults")
+    parser.add_argument("--seeds", type=positive, metavar="N", help="runs of each comparison (10, 1), or fault (3)")
     parser.add_argument("--realtime", action="store_true", help="faults: against the wall clock, processes included")
+    parser.add_argument("--plant", choices=PLANTS, help="paper-002: only on this one")
     parser.add_argument("--only", metavar="TEXT", default="", help="faults with --realtime: those so named")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="faults with --realtime: keeps the logs")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="of paper-002's report, or of live faults' logs")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -51,6 +53,8 @@ def run(options: argparse.Namespace) -> int:
         if options.realtime:
             return run_live_faults(options.seeds or 1, options.only, options.out)
         return run_faults(options.seeds or 3)
+    if options.name == "paper-002":
+        return run_paper_002((options.plant,) if options.plant else PLANTS, options.seeds or 1, options.out)
     return compare_controllers(options.seeds or 10)
 
 

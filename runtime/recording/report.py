@@ -53,6 +53,7 @@ def report(data: RunData) -> str:
         for made in figures(data)
     )
     return Template(template).substitute(
+        style=style(),
         title=escape(_title(data)),
         facts="".join(f'<li class="{kind}">{escape(text)}</li>' for text, kind in _facts(data)),
         cards="".join(
@@ -68,6 +69,11 @@ def report(data: RunData) -> str:
         config=escape(data.log.attachments.get(setup.CONFIG, b"not in the log").decode(errors="replace")),
         footer=escape(f"Made from {data.log.path.name}. Errors are against the true pose where the log has it."),
     )
+
+
+def style() -> str:
+    """The style sheet that all reports have."""
+    return resources.files("runtime.recording").joinpath("report_style.css").read_text(encoding="utf-8")
 
 
 def warnings(data: RunData) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from runtime.recording.metrics import Array, first_motion, project, time_average
+from runtime.recording.metrics import Array, Projection, first_motion, project, time_average
 from runtime.tracking.paths import Polyline
 
 SETTLED_M = 0.05
@@ -57,7 +57,16 @@ def settling(t: Array, xy: Array, path: Polyline) -> Settling:
     if begin is None:
         return Settling(math.nan, math.nan, math.nan, math.nan, math.nan)
     t, xy = t[begin:] - t[begin], xy[begin:]
-    seen = project(xy[:, 0], xy[:, 1], np.zeros(len(t)), path)
+    return settling_of(t, project(xy[:, 0], xy[:, 1], np.zeros(len(t)), path))
+
+
+def settling_of(t: Array, seen: Projection) -> Settling:
+    """Judge how a vehicle that moves from the first sample on came to its path.
+
+    Args:
+        t: sample times, rising from 0, s.
+        seen: its true poses against the path.
+    """
     side = math.copysign(1.0, seen.lateral_error[0])
     away = np.flatnonzero(seen.distance > SETTLED_M)
     last = int(away[-1]) if len(away) else -1

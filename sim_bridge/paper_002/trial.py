@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One contender on one course and one plant, from a rolling start beside the path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from runtime.recording.metrics import project, time_average
+from runtime.recording.settling import WINDOW_S, Settling, settling_of
+from runtime.tracking.delay_estimation import DelayConfig, DelayEstimator
+from runtime.tracking.motion import Motion
+from runtime.tracking.polyline import Polyline
+from runtime.tracking.vehicle_answer import VehicleAnswer
+from runtime.tracking.vehicle_tracker import TrackCommand, VehicleTracker
+from runtime.wheeled.geometry import VehicleGeometry, inner_angle
+from sim_bridge.kinematic_vehicle import NS_PER_SECOND, KinematicPlant, KinematicVehicle
+from sim_bridge.paper_002.contenders import Contender, DelayHandling, configuration, policy_of
+from sim_bridge.paper_002.plants import PLANTS
+from sim_bridge.scenario import Scenario
+from sim_bridge.vehicle_courses import scenario
+
+Array = npt.NDArray[np.float64]
+STRAIGHT = "straight"
+PERIOD_NS = 120_000_000
+"""Of the commands; the paper's figures are met at this period."""
+BEGIN_S = 1.0
+"""On the tracker's clock, whose times are positive."""
+KEPT_EVERY = 10
+"""Ticks from one sample that is kept to the next."""
+
+
+class Trial(NamedTuple):
+    """What is tried.
+
+    Attributes:
+        course: name of a scenario of the vehicle, which starts beside its path.
+        plant: name of one of `PLANTS`.
+        contender: who drives.
+    """
+
+    course: str
+    plant: str
+    contender: Contender
+
+
+class Outcome(NamedTuple):
+    """What came of it; errors are distances of the true centre to the path.
+
+    Attributes:
+        trial: which.
+        arrived: at the goal, and stands; on the straight, where only a window is looked at, always true.
+        mean_m: mean error, start included.
+        settling: how the vehicle came to the path.
+        inner_rad: largest steering angle of the inner front wheel that was asked for.
+        delay_s: what the contender took the delay for in the end.
+        t, xy, lateral_m: time, true position (n x 2) and signed error, of few samples; for pictures.
+    """
+
+    trial: Trial
+    arrived: bool
+    mean_m: float
+    settling: Settling
+    inner_rad: float
+    delay_s: float
+    t: Array
+    xy: Array
+    lateral_m: Array
+
+
+class Driver:
+    """A contender at the wheel of a kinematic vehicle that rolls already.
+
+    Args:
+        contender: who.
+        course: what is followed.
+        plant: what the contender is told of its steering, and of its delay if it is told.
+
+    Attributes:
+        delay_s: what the delay is taken for at present.
+    """
+
+    def __init__(self, contender: Contender, course: Scenario, plant: KinematicPlant) -> None:
+        config = configuration(contender, plant.steering_rate_radps, 0.0)
+        following = config.tracker.following
+        self._answer: VehicleAnswer = following.answer
+        self._speed = course.speed_mps
+        self._tracker = VehicleTracker(policy_of(config), following, speed=config.speed_policy)
+        self._tracker.take(course.waypoints, course.closed)
+        self._tracker.restart(course.speed_mps)
+        self._estimator: DelayEstimator | None = None
+        self.delay_s = 0.0
+        if contender.delay is DelayHandling.KNOWN:
+            self.delay_s = (plant.command_delay_ns + plant.pose_delay_ns) / NS_PER_SECOND
+        elif contender.delay is DelayHandling.LEARNT:
+            self._estimator = DelayEstimator(DelayConfig(), self._answer)
+
+    def step(self, now_s: float, seen: Motion) -> TrackCommand:
+        """The command for what is seen."""
+        if self._estimator is not None:
+            self._estimator.step(now_s, seen.angle, seen.speed)
+            self.delay_s = self._estimator.delay_s
+        command = self._tracker.step(now_s, seen, self._speed, self.delay_s)
+        if self._estimator is not None:
+            self._estimator.add(now_s, command.speed, self._answer.angle_of(command.curvature))
+        return command
+
+
+def drive(trial: Trial) -> Outcome:
+    """Drive it."""
+    course, plant = scenario(trial.course), PLANTS[trial.plant]
+    driver = Driver(trial.contender, course, plant)
+    limit_s = WINDOW_S if trial.course == STRAIGHT else course.time_limit_s
+    samples, curvatures, arrived = [], [], False
+    for motion, command in _driven(driver, course, plant, limit_s):
+        samples.append(motion[:3])
+        curvatures.append(command.requested)
+        arrived = command.arrived
+    x, y, yaw = np.array(samples).T
+    t, xy = np.arange(len(x)) * (plant.tick_ns / NS_PER_SECOND), np.column_stack((x, y))
+    geometry = VehicleGeometry()
+    seen = project(x, y, yaw, Polyline(course.waypoints, course.closed))
+    return Outcome(
+        trial,
+        arrived or trial.course == STRAIGHT,
+        time_average(t, seen.distance),
+        settling_of(t, seen),
+        max(inner_angle(curvature, geometry) for curvature in curvatures),
+        driver.delay_s,
+        t[::KEPT_EVERY],
+        xy[::KEPT_EVERY],
+        np.copysign(seen.distance, seen.lateral_error)[::KEPT_EVERY],
+    )
+
+
+def _driven(
+    driver: Driver, course: Scenario, plant: KinematicPlant, limit_s: float
+) -> Iterator[tuple[Motion, TrackCommand]]:
+    """Motion and present command at each tick, until the vehicle stands at the goal or the time is over."""
+    vehicle = KinematicVehicle(plant, course.start_pose, course.speed_mps)
+    every = PERIOD_NS // plant.tick_ns
+    for tick in range(math.ceil(limit_s * NS_PER_SECOND / plant.tick_ns)):
+        if tick % every == 0:
+            command = driver.step(BEGIN_S + tick * plant.tick_ns / NS_PER_SECOND, vehicle.seen)
+            vehicle.command(command.speed, command.curvature)
+        yield vehicle.motion, command
+        if command.arrived and vehicle.motion.speed == 0.0:
+            return
+        vehicle.advance()
