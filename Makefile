@@ -89,6 +89,7 @@ bench: venv  ## Measure, each figure beside what it is compared with.
 	$(BIN)/ugv bench fuzzy
 	$(BIN)/ugv bench mpc
 	$(BIN)/ugv bench wbc
+	$(BIN)/ugv bench tracker
 	$(BIN)/ugv bench sil
 
 clean:  ## Remove the environment, caches and built packages; runs/ stays.

@@ -78,7 +78,7 @@ def _mpc() -> None:
             for what, run_directory, standing in ((SCENARIO, walked, False), ("all-stance", stood, True)):
                 times = mpc_times_ms(run_directory, {"variant.solver": solver}, standing)
                 rows.append((f"{what}, {solver}", len(times), *percentiles(times)))
-    _print_times(
+    print_times(
         "MPC: reference, prediction, build and solve, N = 10, ms (claimed: p99 at most 3, aim 1.5)",
         rows,
         reference=rows[0],
@@ -122,7 +122,7 @@ def _wbc() -> None:
         (f"tick on {SCENARIO}, replayed", tick.size, *percentiles(tick.tolist())),
         (f"tick on {SCENARIO}, in the run itself", live_ms.size, *percentiles(live_ms.tolist())),
     ]
-    _print_times("WBC tick, ms (claimed: median at most 0.8 and p99 1.6, aim 0.4 and 0.8)", rows, reference=rows[0])
+    print_times("WBC tick, ms (claimed: median at most 0.8 and p99 1.6, aim 0.4 and 0.8)", rows, reference=rows[0])
     print_table(
         "Its tasks, ms",
         ("task", "median", "p99", "max", "share %"),
@@ -250,8 +250,8 @@ def _solver(run_directory: Path) -> str:
     return loads(Log(run_directory).config, Uslgo1Config, place="the log's configuration").variant.solver
 
 
-def _print_times(title: str, rows: Sequence[tuple[Any, ...]], reference: tuple[Any, ...]) -> None:
-    """Rows of name, number, median, p99 and maximum, with the yardstick, and each one's ratio to the reference."""
+def print_times(title: str, rows: Sequence[tuple[Any, ...]], reference: tuple[Any, ...]) -> None:
+    """Print rows of name, number, median, p99 and maximum, and the yardstick; all with ratios to the reference."""
     from runtime.cli.console import print_table
 
     yardstick = yardstick_ms()
@@ -271,4 +271,18 @@ def _rt() -> None:
     measure_live()
 
 
-PARTS: dict[str, Callable[[], None]] = {"rt": _rt, "mpc": _mpc, "wbc": _wbc, "fuzzy": _fuzzy, "sil": _sil}
+def _tracker() -> None:
+    """The vehicle's tracker with each controller."""
+    from runtime.cli.bench_tracker import measure
+
+    measure()
+
+
+PARTS: dict[str, Callable[[], None]] = {
+    "rt": _rt,
+    "mpc": _mpc,
+    "wbc": _wbc,
+    "fuzzy": _fuzzy,
+    "tracker": _tracker,
+    "sil": _sil,
+}

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from statistics import fmean
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from sim_bridge.paper_002.results import SHAPES
 from sim_bridge.paper_002.tables import Table, number
 from sim_bridge.paper_002.trial import STRAIGHT
 
+Summary = Mapping[str, Any]
 STUCK_NS = 1_500_000_000
 """Longer than any delay here: a wheel that answers late is not stuck."""
 UNLEARNT = {"delay.initial_s": "0.0", "delay.rate_per_s": "1e-9"}
@@ -62,10 +64,8 @@ def all_drives(seeds: int) -> list[Drive]:
 def settings_of(drive: Drive) -> dict[str, str]:
     """Configuration keys and values that give the vehicle the delays of the plant, and the controllers its steering."""
     plant, contender = PLANTS[drive.plant], drive.contender
-    own = load_configuration(ROBOT)
-    assert isinstance(own, Vehicle4ws4wdConfig)
     settings = {
-        **steering_settings(STEERING_RATE_RADPS, own.simulation.steering_lag_s),
+        **steering_settings(STEERING_RATE_RADPS, _steering_lag_s()),
         "simulation.center_rate_radps": repr(STEERING_RATE_RADPS),
         "simulation.command_delay_ns": str(plant.command_delay_ns),
         "safety.steering_stuck_ns": str(STUCK_NS),
@@ -77,7 +77,12 @@ def settings_of(drive: Drive) -> dict[str, str]:
     return {**settings, **contender.settings}
 
 
-Summary = Mapping[str, Any]
+@cache
+def _steering_lag_s() -> float:
+    """Of the simulated vehicle."""
+    config = load_configuration(ROBOT)
+    assert isinstance(config, Vehicle4ws4wdConfig)
+    return config.simulation.steering_lag_s
 
 
 def vehicle_table(driven: Sequence[tuple[Drive, Summary]]) -> Table:

@@ -3,8 +3,10 @@
 
 import concurrent.futures
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,19 +14,23 @@ from hypothesis import strategies as st
 from runtime.cli import main as cli
 from runtime.cli.batch import Job
 from runtime.cli.bench import dense_inference, percentiles
-from runtime.cli.experiment import BASELINE, S_CURVE, average
+from runtime.cli.bench_tracker import controllers, step_times_ms
+from runtime.cli.experiment import BASELINE, OURS, S_CURVE, average
 from runtime.cli.experiment_faults import Outcome
+from runtime.recording.settling import Settling
 from runtime.tracking.fuzzy import infer
 from sim_bridge.faults.live_campaign import Campaign
 from sim_bridge.faults.live_judge import Verdict
+from sim_bridge.paper_002 import trial as paper_002
 
 
 def summary_of(job: Job, completed: bool = True) -> dict[str, Any]:
     """A run that reproduces the paper exactly."""
-    printed = S_CURVE[job.controller]
+    controller = job.controller or OURS
+    printed = S_CURVE[controller]
     return {
         "scenario": job.scenario,
-        "controller": job.controller,
+        "controller": controller,
         "completed": completed,
         "fell": False,
         "completion_time_s": printed.time_s if completed else None,
@@ -134,3 +140,70 @@ def test_faults_in_real_time_that_only_a_stall_explains_show_nothing(
 def test_a_fault_that_there_is_none_of_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["experiment", "faults", "--realtime", "--only", "flood of tears"]) == 2
     assert "flood of tears" in capsys.readouterr().err
+
+
+def driven(trial: paper_002.Trial, error_m: float = 0.02) -> paper_002.Outcome:
+    """An outcome in which pure pursuit does badly and all others alike."""
+    error_m = 0.3 if trial.contender.controller == "pure-pursuit" else error_m
+    t = np.arange(3.0)
+    settling = Settling(7.0, 0.01, error_m, error_m, error_m)
+    angle = error_m if trial.contender.controller != "pure-pursuit" else 1.0
+    return paper_002.Outcome(trial, True, error_m, settling, angle, 0.0, t, np.column_stack((t, t)), t)
+
+
+@pytest.mark.parametrize(("error_m", "code"), [(0.02, 0), (0.29, 1)])
+def test_paper_002_prints_claims_and_findings_and_writes_its_report(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, error_m: float, code: int
+) -> None:
+    def in_processes(run: Any, trials: Sequence[paper_002.Trial], progress: Any) -> list[paper_002.Outcome]:
+        assert run is paper_002.drive
+        return [driven(trial, error_m) for trial in trials]
+
+    monkeypatch.setattr("runtime.cli.batch.in_processes", in_processes)
+    out = tmp_path / "report"
+    assert cli.main(["experiment", "paper-002", "--plant", "kinematic", "--out", str(out)]) == code
+    printed = capsys.readouterr().out
+    for title in ("Table II", "Claims", "Curves after the first 12 s: ratio"):
+        assert title in printed
+    assert "MuJoCo" not in printed
+    assert ("MISSED" in printed) == bool(code)
+    assert "- Straight: in the paper K_r 0.9 lowers the mean error from 0.234 to 0.209 m" in printed
+    assert f"report: {out / 'report.html'}" in printed.replace("\n", "")
+    assert "Table II" in (out / "report.html").read_text()
+
+
+def test_paper_002_drives_the_simulated_vehicle_with_every_controller(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    asked: list[Job] = []
+
+    def run_jobs(jobs: Sequence[Job], progress: Any) -> list[dict[str, Any]]:
+        asked.extend(jobs)
+        figures = {"mean_25_s_m": 0.2, "time_s": 7.0, "overshoot_m": 0.0, "mean_after_m": 0.01}
+        return [{"completed": True, "settling": figures} for _ in jobs]
+
+    monkeypatch.setattr("runtime.cli.batch.run_jobs", run_jobs)
+    arguments = ["experiment", "paper-002", "--plant", "mujoco", "--seeds", "2", "--out", str(tmp_path / "report")]
+    assert cli.main(arguments) == 0
+    assert {job.robot for job in asked} == {"4ws4wd"}
+    assert {job.controller for job in asked} == set(controllers())
+    assert {job.seed for job in asked} == {0, 1}
+    assert {job.overrides["simulation.command_delay_ns"] for job in asked} == {"0", "300000000", "600000000"}
+    printed = capsys.readouterr().out
+    assert "Table II" not in printed
+    assert "10 of 10" in printed
+
+
+def test_paper_002_writes_over_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "kept").write_text("kept")
+    monkeypatch.setattr("runtime.cli.batch.in_processes", lambda *_: pytest.fail("drove before it looked"))
+    assert cli.main(["experiment", "paper-002", "--out", str(tmp_path)]) == 2
+    assert "already holds files" in capsys.readouterr().err
+
+
+def test_the_tracker_is_timed_on_its_way() -> None:
+    times = step_times_ms("steered-return", 0.5)
+    assert len(times) == 25
+    assert min(times) > 0.0
