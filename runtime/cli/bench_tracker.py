@@ -43,8 +43,9 @@ def step_times_ms(controller: str, seconds: float = math.inf) -> list[float]:
     answer = config.tracker.following.answer
     plant = KinematicPlant(answer.wheelbase_m, 0, 0, answer.rate_radps, answer.acceleration_mps2, period_ns)
     vehicle = KinematicVehicle(plant, course.start_pose)
-    records, times = _given(task, course), []
-    command, now_ns = records["TwistCommand"], NS_PER_SECOND
+    times: list[float] = []
+    records, now_ns = _given(task, course), NS_PER_SECOND
+    command = records["TwistCommand"]
     with no_collection():
         while not command.arrived and now_ns < (1.0 + min(seconds, course.time_limit_s)) * NS_PER_SECOND:
             _sense(records, vehicle.motion, now_ns)

@@ -115,21 +115,17 @@ def drive(trial: Trial) -> Outcome:
     course, plant = scenario(trial.course), PLANTS[trial.plant]
     driver = Driver(trial.contender, course, plant)
     limit_s = WINDOW_S if trial.course == STRAIGHT else course.time_limit_s
-    samples, curvatures, arrived = [], [], False
-    for motion, command in _driven(driver, course, plant, limit_s):
-        samples.append(motion[:3])
-        curvatures.append(command.requested)
-        arrived = command.arrived
-    x, y, yaw = np.array(samples).T
+    driven = list(_driven(driver, course, plant, limit_s))
+    x, y, yaw = np.array([motion[:3] for motion, _ in driven]).T
     t, xy = np.arange(len(x)) * (plant.tick_ns / NS_PER_SECOND), np.column_stack((x, y))
     geometry = VehicleGeometry()
     seen = project(x, y, yaw, Polyline(course.waypoints, course.closed))
     return Outcome(
         trial,
-        arrived or trial.course == STRAIGHT,
+        driven[-1][1].arrived or trial.course == STRAIGHT,
         time_average(t, seen.distance),
         settling_of(t, seen),
-        max(inner_angle(curvature, geometry) for curvature in curvatures),
+        max(inner_angle(command.requested, geometry) for _, command in driven),
         driver.delay_s,
         t[::KEPT_EVERY],
         xy[::KEPT_EVERY],
