@@ -57,7 +57,7 @@ class SteeredReturn(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag
     linear_heading_rad: Positive = 0.14
     steepest_rad: Annotated[float, Meta(gt=0.0, le=1.5)] = 1.2
     lead_s: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.2
-    maximum_curvature: Positive = 0.56
+    maximum_curvature: Positive = 0.567
     span_m: Annotated[float, Meta(ge=0.05, le=5.0)] = 0.6
     span_s: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.6
     slowest_mps: Positive = 0.2

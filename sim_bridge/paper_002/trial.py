@@ -12,12 +12,12 @@ import numpy.typing as npt
 
 from runtime.recording.metrics import project, time_average
 from runtime.recording.settling import WINDOW_S, Settling, settling_of
-from runtime.tracking.delay_estimation import DelayConfig, DelayEstimator
+from runtime.tracking.delay_estimation import DelayEstimator
 from runtime.tracking.motion import Motion
 from runtime.tracking.polyline import Polyline
 from runtime.tracking.vehicle_answer import VehicleAnswer
 from runtime.tracking.vehicle_tracker import TrackCommand, VehicleTracker
-from runtime.wheeled.geometry import VehicleGeometry, inner_angle
+from runtime.wheeled.geometry import inner_angle
 from sim_bridge.kinematic_vehicle import NS_PER_SECOND, KinematicPlant, KinematicVehicle
 from sim_bridge.paper_002.contenders import Contender, DelayHandling, configuration, policy_of
 from sim_bridge.paper_002.plants import PLANTS
@@ -28,6 +28,8 @@ Array = npt.NDArray[np.float64]
 STRAIGHT = "straight"
 PERIOD_NS = 120_000_000
 """Of the commands; the paper's figures are met at this period."""
+LEARNING_PERIOD_NS = 20_000_000
+"""Of the looks at the wheels that the delay is learnt from, as on the vehicle."""
 BEGIN_S = 1.0
 """On the tracker's clock, whose times are positive."""
 KEPT_EVERY = 10
@@ -82,11 +84,12 @@ class Driver:
 
     Attributes:
         delay_s: what the delay is taken for at present.
+        geometry: of the vehicle.
     """
 
     def __init__(self, contender: Contender, course: Scenario, plant: KinematicPlant) -> None:
         config = configuration(contender, plant.steering_rate_radps, 0.0)
-        following = config.tracker.following
+        following, self.geometry = config.tracker.following, config.vehicle
         self._answer: VehicleAnswer = following.answer
         self._speed = course.speed_mps
         self._tracker = VehicleTracker(policy_of(config), following, speed=config.speed_policy)
@@ -97,17 +100,18 @@ class Driver:
         if contender.delay is DelayHandling.KNOWN:
             self.delay_s = (plant.command_delay_ns + plant.pose_delay_ns) / NS_PER_SECOND
         elif contender.delay is DelayHandling.LEARNT:
-            self._estimator = DelayEstimator(DelayConfig(), self._answer)
+            self._estimator = DelayEstimator(config.delay, self._answer)
 
-    def step(self, now_s: float, seen: Motion) -> TrackCommand:
+    def command(self, now_s: float, seen: Motion) -> TrackCommand:
         """The command for what is seen."""
+        return self._tracker.step(now_s, seen, self._speed, self.delay_s)
+
+    def learn(self, now_s: float, seen: Motion, command: TrackCommand) -> None:
+        """Learn the delay, or not, from what is seen and the command that holds."""
         if self._estimator is not None:
             self._estimator.step(now_s, seen.angle, seen.speed)
-            self.delay_s = self._estimator.delay_s
-        command = self._tracker.step(now_s, seen, self._speed, self.delay_s)
-        if self._estimator is not None:
             self._estimator.add(now_s, command.speed, self._answer.angle_of(command.curvature))
-        return command
+            self.delay_s = self._estimator.delay_s
 
 
 def drive(trial: Trial) -> Outcome:
@@ -118,14 +122,13 @@ def drive(trial: Trial) -> Outcome:
     driven = list(_driven(driver, course, plant, limit_s))
     x, y, yaw = np.array([motion[:3] for motion, _ in driven]).T
     t, xy = np.arange(len(x)) * (plant.tick_ns / NS_PER_SECOND), np.column_stack((x, y))
-    geometry = VehicleGeometry()
     seen = project(x, y, yaw, Polyline(course.waypoints, course.closed))
     return Outcome(
         trial,
         driven[-1][1].arrived or trial.course == STRAIGHT,
         time_average(t, seen.distance),
         settling_of(t, seen),
-        max(inner_angle(command.requested, geometry) for _, command in driven),
+        max(inner_angle(command.requested, driver.geometry) for _, command in driven),
         driver.delay_s,
         t[::KEPT_EVERY],
         xy[::KEPT_EVERY],
@@ -138,11 +141,14 @@ def _driven(
 ) -> Iterator[tuple[Motion, TrackCommand]]:
     """Motion and present command at each tick, until the vehicle stands at the goal or the time is over."""
     vehicle = KinematicVehicle(plant, course.start_pose, course.speed_mps)
-    every = PERIOD_NS // plant.tick_ns
+    every, learning_every = PERIOD_NS // plant.tick_ns, LEARNING_PERIOD_NS // plant.tick_ns
     for tick in range(math.ceil(limit_s * NS_PER_SECOND / plant.tick_ns)):
+        now_s = BEGIN_S + tick * plant.tick_ns / NS_PER_SECOND
         if tick % every == 0:
-            command = driver.step(BEGIN_S + tick * plant.tick_ns / NS_PER_SECOND, vehicle.seen)
+            command = driver.command(now_s, vehicle.seen)
             vehicle.command(command.speed, command.curvature)
+        if tick % learning_every == 0:
+            driver.learn(now_s, vehicle.seen, command)
         yield vehicle.motion, command
         if command.arrived and vehicle.motion.speed == 0.0:
             return
