@@ -67,7 +67,7 @@ def _error_on_curves(results: Results) -> str:
 
     before, after = CURVE_MEAN_M[PLAIN.name], CURVE_MEAN_M[PAPERS.name]
     lost = [
-        f"{len(SHAPES) - results.arrived(plant, PAPERS)} of {len(SHAPES)} with {plant}"
+        f"{len(SHAPES) - results.arrived(plant, PAPERS)} of {len(SHAPES)} for {plant}"
         for plant in PLANTS
         if results.arrived(plant, PAPERS) < len(SHAPES)
     ]
@@ -79,17 +79,17 @@ def _error_on_curves(results: Results) -> str:
 def _what_the_constraint_does_on_curves(results: Results) -> str:
     shares = {plant: results.after_m(plant, PAPERS) / results.after_m(plant, FUZZY) for plant in PLANTS}
     alike = [plant for plant, share in shares.items() if 1.0 / ALIKE < share < ALIKE]
-    others = [f"{share:.2f} times with {plant}" for plant, share in shares.items() if plant not in alike]
+    others = [f"{share:.2f} times that for {plant}" for plant, share in shares.items() if plant not in alike]
     said = "Curves: the error of fuzzy + LDC is that of fuzzy alone"
     if not alike:
         return f"{said} {_joined(others)}."
-    return f"{said}, about, with {_joined(alike)}" + (f", and {_joined(others)}." if others else ".")
+    return f"{said}, about, for {_joined(alike)}" + (f", and {_joined(others)}." if others else ".")
 
 
 def _plain_pursuit_and_delay(results: Results) -> str:
     errors = [results.after_m(late_command(delay), PLAIN) for delay in (0, *DELAYS_NS)]
     listed = _joined([f"{error:.3f}" for error in errors])
-    told = f"Curves: plain pursuit's error is {listed} m with commands 0, 0.3 and 0.6 s late"
+    told = f"Curves: plain pursuit's error is {listed} m for commands 0, 0.3 and 0.6 s late"
     falls = errors == sorted(errors, reverse=True)
     return told + ("; late commands take back some of the corners that it cuts." if falls else ".")
 
@@ -98,7 +98,7 @@ def _compensation(results: Results) -> str:
     straight = [results.straight(WORST, who).settling.mean_25_s_m for who in (PAPERS, COMPENSATED)]
     curves = [results.after_m(WORST, who) for who in (PAPERS, COMPENSATED)]
     return (
-        f"Steering from the predicted pose, over a delay that is learnt on the way, takes fuzzy + LDC with {WORST} "
+        f"Steering from the predicted pose, over a delay that is learnt on the way, takes fuzzy + LDC for {WORST} "
         f"from {curves[0]:.3f} to {curves[1]:.3f} m on curves, and from {straight[0]:.3f} to {straight[1]:.3f} m on "
         "the straight."
     )
@@ -112,8 +112,8 @@ def _best(results: Results) -> str:
     curves = leading(lambda who: results.after_m(WORST, who))
     angle = math.degrees(results.straight(WORST, OURS).inner_rad)
     return (
-        f"The least errors with {WORST}: on the straight {straight}; on curves {curves}. {OURS.name}, asks for an "
-        f"inner steering angle of {angle:.0f} degrees at most."
+        f"The least errors for {WORST}: on the straight {straight}; on curves {curves}. With {OURS.name}, the largest "
+        f"inner steering angle that is asked for on the straight is {angle:.0f} degrees."
     )
 
 
@@ -126,7 +126,7 @@ def _divided(change: Callable[[str], tuple[float, float]], form: str) -> str:
         return f"So it does on every plant: {_joined(lower)}."
     if not lower:
         return f"It does so on no plant: {_joined(others)}."
-    return f"It holds with {_joined(lower)}; it does not with {_joined(others)}."
+    return f"That holds for {_joined(lower)}; it does not for {_joined(others)}."
 
 
 def _joined(parts: Sequence[str]) -> str:

@@ -116,7 +116,7 @@ def claim_table(results: Results) -> Table:
 
 def _claim_row(claim: Claim) -> tuple[str, ...]:
     paper = "-" if claim.paper is None else number(claim.paper, 3)
-    return claim.what, number(claim.measured, 3), f"{claim.at_least:g}", f"{claim.aim:g}", paper, claim.verdict
+    return claim.what, number(claim.measured, 4), f"{claim.at_least:g}", f"{claim.aim:g}", paper, claim.verdict
 
 
 def _whole(results: Results) -> Table:

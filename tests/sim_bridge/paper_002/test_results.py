@@ -93,10 +93,10 @@ def test_where_it_is_not_they_name_the_plants_and_the_figures(printed_results):
         return outcome
 
     error, settling, _, curves, *_ = findings(printed_results(change))
-    assert error.endswith(f"it does not with {IDEAL} (0.170 to 0.209 m).")
+    assert error.endswith(f"it does not for {IDEAL} (0.170 to 0.209 m).")
     assert "So it does on every plant" in settling
-    assert f"it does not with {IDEAL} (0.030 to 0.085 m) and {WORST} (0.121 to 0.500 m)." in curves
-    assert curves.endswith(f"It misses the goal on 4 of 5 with {WORST}.")
+    assert f"it does not for {IDEAL} (0.030 to 0.085 m) and {WORST} (0.121 to 0.500 m)." in curves
+    assert curves.endswith(f"It misses the goal on 4 of 5 for {WORST}.")
 
 
 def test_who_never_settles_has_not_settled_sooner(printed_results):
