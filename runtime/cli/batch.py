@@ -16,7 +16,8 @@ from runtime.cli.sil import simulate
 from runtime.errors import UgvError
 
 Summary = dict[str, Any]
-Item, Result = TypeVar("Item"), TypeVar("Result")
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,7 @@ def drive(trial: Trial) -> Outcome:
     limit_s = WINDOW_S if trial.course == STRAIGHT else course.time_limit_s
     driven = list(_driven(driver, course, plant, limit_s))
     x, y, yaw = np.array([motion[:3] for motion, _ in driven]).T
-    t, xy = np.arange(len(x)) * (plant.tick_ns / NS_PER_SECOND), np.column_stack((x, y))
+    t, xy = np.arange(len(x), dtype=np.float64) * (plant.tick_ns / NS_PER_SECOND), np.column_stack((x, y))
     seen = project(x, y, yaw, Polyline(course.waypoints, course.closed))
     return Outcome(
         trial,
