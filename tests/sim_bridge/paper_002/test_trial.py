@@ -54,7 +54,8 @@ def test_what_is_kept_is_what_was_measured():
     assert outcome.t[-1] == pytest.approx(25.0, abs=0.11)
     assert outcome.xy[0] == pytest.approx((0.0, 1.5))
     assert outcome.lateral_m == pytest.approx(outcome.xy[:, 1], abs=1e-9)
-    assert outcome.mean_m == pytest.approx(float(np.mean(np.abs(outcome.lateral_m))), abs=2e-3)
+    mean = np.trapezoid(np.abs(outcome.lateral_m), outcome.t) / outcome.t[-1]
+    assert outcome.mean_m == pytest.approx(mean, abs=2e-3)
     assert outcome.mean_m == pytest.approx(outcome.settling.mean_25_s_m, abs=1e-3)
     outside = np.flatnonzero(np.abs(outcome.lateral_m) > 0.05)
     assert outcome.settling.time_s == pytest.approx(outcome.t[outside[-1]], abs=0.11)
