@@ -33,6 +33,8 @@ from sim_bridge.vehicle_courses import scenario
 COLORS = (BLUE, ORANGE, GREEN, RED, VIOLET, INK)
 PREDICTIVE = next(contender for contender in CONTENDERS if contender.controller == "mpc")
 SHOWN = (PLAIN, PAPERS, COMPENSATED, PREDICTIVE, OURS)
+LINEAR_M, ERROR_TICKS_M = 0.1, (-1.0, -0.1, -0.05, 0.0, 0.05, 0.1, 1.0)
+"""Errors on curves are drawn on a scale that is logarithmic beyond the first of these."""
 SHOWN_LENGTH_M = 10.0
 """Of the straight: beyond it all are on the line, or will not be."""
 STRAIGHT_PLANTS = (IDEAL, PROMPT, late_pose(DELAYS_NS[-1]), WORST)
@@ -88,13 +90,15 @@ def _curves(results: Results, plant: str) -> ReportFigure:
             ylim=(path[:, 1].min() - margin, path[:, 1].max() + margin),
         )
         right.axvline(APPROACH_S, color=FAINT, linewidth=0.8)
-        right.set(ylabel="lateral error (m)", ylim=(-1.1, 1.1))
+        right.set_yscale("symlog", linthresh=LINEAR_M)
+        right.set(ylabel="lateral error (m)", ylim=(-2.0, 2.0), yticks=ERROR_TICKS_M, yticklabels=ERROR_TICKS_M)
     grid[-1][0].set_xlabel("x (m)")
     grid[-1][1].set_xlabel("time (s)")
-    grid[0][1].legend(loc="lower right", ncols=1)
+    figure.legend(*grid[0][1].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return ReportFigure(
         f"Curves, {plant}",
-        "From 1 m beside each path at 0.6 m/s; the vertical line divides the first 12 s from the rest.",
+        "From 1 m beside each path at 0.6 m/s; the vertical line divides the first 12 s from the rest, and errors "
+        "beyond 0.1 m are drawn on a logarithmic scale.",
         svg(figure),
     )
 

@@ -160,6 +160,7 @@ def test_paper_002_prints_claims_and_findings_and_writes_its_report(
         return [driven(trial, error_m) for trial in trials]
 
     monkeypatch.setattr("runtime.cli.batch.in_processes", in_processes)
+    monkeypatch.setattr("sim_bridge.paper_002.pictures.pictures", lambda results: [])
     out = tmp_path / "report"
     assert cli.main(["experiment", "paper-002", "--plant", "kinematic", "--out", str(out)]) == code
     printed = capsys.readouterr().out

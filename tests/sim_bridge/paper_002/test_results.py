@@ -171,7 +171,8 @@ def test_a_report_that_cannot_be_written_is_named(tmp_path):
 def test_drives_of_the_vehicle_have_the_delays_and_rates_of_their_plants():
     drives = all_drives(2)
     assert len(drives) == (1 + len(SHAPES)) * len(DRIVEN_PLANTS) * len(driven_contenders()) * 2
-    for drive in [drive for drive in drives if drive.scenario == "straight" and drive.seed == 0]:
+    chosen = [drive for drive in drives if drive.scenario == "straight" and drive.seed == 0]
+    for drive in [drive for drive in chosen if drive.plant == WORST or drive.contender.name == OURS.name]:
         settings = {**settings_of(drive), "variant.controller": drive.contender.controller}
         try:
             config = load_configuration(ROBOT, settings)
