@@ -17,8 +17,8 @@ from sim_bridge.paper_002.tables import Table, number
 from sim_bridge.paper_002.trial import STRAIGHT
 
 Summary = Mapping[str, Any]
-STUCK_NS = 1_500_000_000
-"""Longer than any delay here: a wheel that answers late is not stuck."""
+LATEST_ANSWER_NS = 1_500_000_000
+"""Longer than any delay here: a wheel that answers late is not stuck, nor does a unit that does so refuse."""
 UNLEARNT = {"delay.initial_s": "0.0", "delay.rate_per_s": "1e-9"}
 """Predicts over no delay, and learns none."""
 DRIVEN_PLANTS = (PROMPT, *(late_command(delay) for delay in DELAYS_NS), late_pose(DELAYS_NS[-1]))
@@ -68,7 +68,8 @@ def settings_of(drive: Drive) -> dict[str, str]:
         **steering_settings(STEERING_RATE_RADPS, _steering_lag_s()),
         "simulation.center_rate_radps": repr(STEERING_RATE_RADPS),
         "simulation.command_delay_ns": str(plant.command_delay_ns),
-        "safety.steering_stuck_ns": str(STUCK_NS),
+        "safety.steering_stuck_ns": str(LATEST_ANSWER_NS),
+        "safety.refusal_ns": str(LATEST_ANSWER_NS),
     }
     if plant.pose_delay_ns:
         settings["simulation.localization_latency_ns"] = str(plant.pose_delay_ns)

@@ -184,6 +184,7 @@ def test_drives_of_the_vehicle_have_the_delays_and_rates_of_their_plants():
         assert simulation.center_rate_radps == pytest.approx(math.radians(20.0))
         assert config.tracker.following.answer.rate_radps == pytest.approx(math.radians(20.0))
         assert config.safety.steering_stuck_ns > plant.command_delay_ns + 500_000_000
+        assert config.safety.refusal_ns > plant.command_delay_ns + 500_000_000
         if drive.contender.name in (PLAIN.name, PAPERS.name):
             assert config.delay.initial_s == 0.0
             assert config.delay.rate_per_s < 1e-6
