@@ -80,7 +80,7 @@ def refusal(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
         ("config check uslgo1 --set simulation.imu_rate_hz=333", "gives a period that is no multiple of time_step_ns"),
         ("config check no.toml", "no.toml: cannot be read: No such file or directory"),
         ("bench all", "argument part: invalid choice: 'all'"),
-        ("experiment paper-001", "experiment 'paper-001' is unknown; did you mean paper-000?"),
+        ("experiment paper-003", "experiment 'paper-003' is unknown; did you mean paper-002?"),
         ("replay nothing", "nothing: there is no such run"),
         ("march", "command 'march' is unknown"),
     ],

@@ -81,7 +81,7 @@ def test_unknown_verb_names_the_closest(capsys: pytest.CaptureFixture[str]) -> N
         (["log", "list", "/no/such/run"], "list"),
         (["config", "mend", "uslgo1"], "mend"),
         (["bench", "gait"], "gait"),
-        (["experiment", "paper-00"], "did you mean paper-000?"),
+        (["experiment", "paper-00"], "did you mean paper-002?"),
         (["experiment", "paper-000", "--seeds", "0"], "0 is not from 1"),
     ],
 )
