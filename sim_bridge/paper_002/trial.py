@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from runtime.recording.metrics import project, time_average
+from runtime.recording.metrics import Projection, project, time_average
 from runtime.recording.settling import WINDOW_S, Settling, settling_of
 from runtime.tracking.delay_estimation import DelayEstimator
 from runtime.tracking.motion import Motion
@@ -32,6 +32,7 @@ LEARNING_PERIOD_NS = 20_000_000
 """Of the looks at the wheels that the delay is learnt from, as on the vehicle."""
 BEGIN_S = 1.0
 """On the tracker's clock, whose times are positive."""
+GOAL_PASSED_M = 1e-6
 KEPT_EVERY = 10
 """Ticks from one sample that is kept to the next."""
 
@@ -51,7 +52,7 @@ class Trial(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of it; errors are distances of the true centre to the path.
+    """What came of it; errors are distances of the true centre to the path, until the goal is passed.
 
     Attributes:
         trial: which.
@@ -122,7 +123,10 @@ def drive(trial: Trial) -> Outcome:
     driven = list(_driven(driver, course, plant, limit_s))
     x, y, yaw = np.array([motion[:3] for motion, _ in driven]).T
     t, xy = np.arange(len(x), dtype=np.float64) * (plant.tick_ns / NS_PER_SECOND), np.column_stack((x, y))
-    seen = project(x, y, yaw, Polyline(course.waypoints, course.closed))
+    path = Polyline(course.waypoints, course.closed)
+    seen = _to_the_goal(project(x, y, yaw, path), path.length)
+    count = len(seen.progress)
+    t, xy = t[:count], xy[:count]
     return Outcome(
         trial,
         driven[-1][1].arrived or trial.course == STRAIGHT,
@@ -133,6 +137,15 @@ def drive(trial: Trial) -> Outcome:
         t[::KEPT_EVERY],
         xy[::KEPT_EVERY],
         np.copysign(seen.distance, seen.lateral_error)[::KEPT_EVERY],
+    )
+
+
+def _to_the_goal(seen: Projection, length: float) -> Projection:
+    """The part before the goal is passed, if it is: how far beyond it a vehicle stops is no error across the path."""
+    passed = np.flatnonzero(seen.progress >= length - GOAL_PASSED_M)
+    count = int(passed[0]) + 1 if len(passed) else len(seen.progress)
+    return Projection(
+        seen.progress[:count], seen.distance[:count], seen.lateral_error[:count], seen.heading_error[:count]
     )
 
 

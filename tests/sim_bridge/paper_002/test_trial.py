@@ -86,6 +86,13 @@ def test_a_curve_is_driven_to_its_goal_and_every_time_alike():
     assert pickle.dumps(drive(trial)[1:]) == pickle.dumps(outcome[1:])
 
 
+def test_how_far_beyond_the_goal_a_vehicle_stops_is_no_error_across_the_path():
+    """With late commands plain pursuit passes the goal of the straight last stretch by a tenth of a metre."""
+    outcome = drive(Trial("curve-right-angle", LATE_COMMAND, PLAIN))
+    assert outcome.arrived
+    assert np.abs(outcome.lateral_m[-20:]).max() <= 0.01
+
+
 def test_who_does_not_reach_the_goal_in_time_is_said_not_to(monkeypatch):
     monkeypatch.setattr("sim_bridge.scenario.TIME_FACTOR", 0.3)
     outcome = drive(Trial("curve-u", PROMPT, PLAIN))
