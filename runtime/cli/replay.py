@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     overrides = parse_overrides(options.assignments)
     log = Log(directory)
     if log.robot not in ROBOTS:
-        raise LogError(f"{log.path} is a log of {log.robot or 'no robot'}; there is {', '.join(ROBOTS)}")
+        raise LogError(f"{log.path} is a log of {log.robot or 'no robot'}; the robots here are {', '.join(ROBOTS)}")
     loops = assemble(log.robot, log.config, overrides)
     replay = Replay(log, loops, log.robot, Comparing.CHANGE if overrides else None)
     with progress_bar(f"replay {directory}") as progress:

@@ -13,7 +13,7 @@ from runtime.cli.main import main
 from runtime.recording.bag import BagSink
 from runtime.recording.log import Log
 from runtime.recording.setup import recording_setup
-from runtime.robots import load_configuration
+from runtime.robots import ROBOTS, load_configuration
 from runtime.robots.uslgo1.assembly import assemble
 
 pytestmark = pytest.mark.xdist_group("walk")
@@ -191,7 +191,7 @@ def test_a_log_of_another_robot_is_named(refusal: Refusal, tmp_path: Path) -> No
     sink = BagSink(tmp_path / "other", recording_setup(robot.loops, "titan8", "", 0, robot.joint_names))
     sink.close()
     file = tmp_path / "other" / "other_0.mcap"
-    assert refusal("replay", file) == f"ugv: {file} is a log of titan8; there is uslgo1"
+    assert refusal("replay", file) == f"ugv: {file} is a log of titan8; the robots here are {', '.join(ROBOTS)}"
 
 
 def test_a_task_that_the_log_does_not_have_is_named(refusal: Refusal, run_directory: Path) -> None:

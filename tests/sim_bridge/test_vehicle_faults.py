@@ -58,7 +58,7 @@ def lost_bus(wired):
 
 
 @cache
-def drive(break_it, scenario="flat", ends_ns=5_000_000_000):
+def drive(break_it, scenario="flat", ends_ns=5_500_000_000):
     """Drive with something broken on the way; what came of it."""
     simulation = simulation_of(CONFIG)
     wired = wire(CONFIG, simulation.scenario(scenario, 0), 0)
