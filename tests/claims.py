@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Walks the scenarios and compares with what is claimed: `make claims`, on a few seeds so that a change is seen.
+"""Runs the scenarios and compares with what is claimed: `make claims`, on a few seeds so that a change is seen.
 
 `python tests/claims.py --full` runs the seeds that the claims are made for. Exit code 1 if a bound is missed; times are
 printed, and never decide, since they depend on the machine.
@@ -30,6 +30,13 @@ STEADY_TROT_S = 10.0
 PUSHES = 8 * 4 * 5  # directions, gait phases, repetitions: the seed of `push` counts through them
 A_FEW_PUSHES = 5  # every 5th seed: all directions, all phases
 DETERMINISM = ("turn", 3)  # scenario and seed
+DRIVES = ("straight", "curve", "s-curve", "figure-eight", "crab", "spin", "reverse", "slalom")
+LATE = {
+    "simulation.command_delay_ns": "300000000",
+    "safety.steering_stuck_ns": "1000000000",
+    "safety.refusal_ns": "1000000000",
+}
+"""Commands that take 0.3 s to the wheels, and a watch that knows of it."""
 
 Measure = Callable[[Sequence[Summary]], float]
 
@@ -204,6 +211,26 @@ def claims(full: bool) -> list[Claim]:
     ]
 
 
+def vehicle_claims(full: bool) -> list[Claim]:
+    """The same of the vehicle."""
+    seeds = range(20 if full else 1)
+
+    def jobs(scenario: str, **options: Any) -> tuple[Job, ...]:
+        return tuple(Job(scenario, seed, robot="4ws4wd", **options) for seed in seeds)
+
+    every = tuple(job for scenario in DRIVES for job in jobs(scenario))
+    late = jobs("figure-eight", overrides={SPEED_KEY: "1.5", **LATE})
+    fast, patch = (jobs(scenario, overrides={SPEED_KEY: "3"}) for scenario in ("figure-eight", "slippery"))
+    rms, furthest = worst("lateral_error_m", "rms"), worst("lateral_error_m", "max")
+    return [
+        Claim("4ws4wd: completed", every, completed, len(every), len(every), at_least=True),
+        Claim("4ws4wd, 1.5 m/s, commands 0.3 s late: lateral RMS m", late, rms, 0.05, 0.025),
+        Claim("4ws4wd, 3 m/s asked for: lateral max m", fast, furthest, 0.3, 0.15),
+        Claim("4ws4wd, the same over a slippery patch: lateral max m", patch, furthest, 0.3, 0.15),
+        Claim("4ws4wd: tick p99 ms", jobs("slalom"), worst("drive_ms", "p99"), None, None, decides=False),
+    ]
+
+
 def run(table: Sequence[Claim]) -> int:
     """Run every job once, print the table, and return the exit code."""
     names = {_identity(job): job for claim in table for job in claim.jobs}
@@ -235,7 +262,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--full", action="store_true", help="all the seeds that the claims are made for")
     parser.add_argument("--only", default="", metavar="TEXT", help="the claims whose name contains this")
     options = parser.parse_args(arguments)
-    table = [claim for claim in claims(options.full) if options.only in claim.name]
+    table = [claim for claim in (*claims(options.full), *vehicle_claims(options.full)) if options.only in claim.name]
     if not table:
         print(f"claims: none contains {options.only!r}", file=sys.stderr)
         return 2

@@ -16,11 +16,12 @@ Run = Callable[..., int]
 GOOD = {
     "completed": True,
     "fell": False,
-    "lateral_error_m": {"rms": 0.005},
+    "lateral_error_m": {"rms": 0.005, "max": 0.01},
     "tracking_error_m": {"mean": 0.02},
     "speed_mps": {"mean": 0.6, "commanded": 0.6},
     "mpc_ms": {"p99": 1.0},
     "wbc_ms": {"median": 0.3, "p99": 0.5},
+    "drive_ms": {"p99": 1.0},
     "realtime_factor": 3.0,
     "push": {"passed": True, "back_at_speed": True},
 }
@@ -68,8 +69,9 @@ def test_good_runs_keep_every_claim(run: Run, capsys: pytest.CaptureFixture[str]
     [
         {"completed": False},
         {"fell": True},
-        {"lateral_error_m": {"rms": 0.2}},
-        {"lateral_error_m": {"rms": math.nan}},
+        {"lateral_error_m": {"rms": 0.2, "max": 0.01}},
+        {"lateral_error_m": {"rms": 0.005, "max": 0.4}},
+        {"lateral_error_m": {"rms": math.nan, "max": 0.01}},
         {"tracking_error_m": {"mean": 0.2}},
         {"speed_mps": {"mean": 0.5, "commanded": 0.6}},
         {"push": {"passed": True, "back_at_speed": False}},
@@ -93,6 +95,8 @@ def test_the_full_table_has_the_seeds_that_are_claimed(claims: ModuleType) -> No
     assert runs["s-curve: completed"] == 10
     assert runs["push of 10 N.s: withstood"] == 8 * 4 * 5
     assert runs["trot at 1.2 m/s: deviation"] == 5
+    (drives,) = (claim for claim in claims.vehicle_claims(full=True) if claim.name == "4ws4wd: completed")
+    assert {(job.scenario, job.seed) for job in drives.jobs} == {(s, n) for s in claims.DRIVES for n in range(20)}
 
 
 def test_a_few_pushes_come_from_every_side_and_at_every_gait_phase(claims: ModuleType) -> None:
