@@ -50,12 +50,13 @@ class EnduringOperator:
         ready: whether a robot that stands can go.
 
     Attributes:
+        ready: as given.
         laps: completed.
         falls: into DAMPED: world time, s, and the names of the faults.
     """
 
     def __init__(self, scenario: Scenario, records: Mapping[str, Record], ready: Callable[[], bool]) -> None:
-        self._scenario, self._ready = scenario, ready
+        self._scenario, self.ready = scenario, ready
         self._safety: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
         self._command: Any = records[topics.BODY_COMMAND]
         self._operator: OperatorRequest = records[topics.OPERATOR]  # type: ignore[assignment]
@@ -73,7 +74,7 @@ class EnduringOperator:
             self._aim, self._rested_ns = Aim.RESET, now_ns + RESTED_NS
         elif mode in (Mode.OFF, Mode.STANDBY):
             self._aim = Aim.STAND  # after a reset, or since control was started anew
-        elif self._aim is Aim.STAND and mode == Mode.STANDING and self._ready():
+        elif self._aim is Aim.STAND and mode == Mode.STANDING and self.ready():
             self._aim = Aim.WITHDRAW
         elif self._aim is Aim.WITHDRAW and not command.arrived and command.remaining == 0.0:
             self._aim = Aim.WALK
@@ -157,7 +158,8 @@ class EnduranceObserver:
         self._simulation, self._world, self._operator, self._progress = simulation, world, operator, progress
         self._safety: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
         self._duration_s, self._next_ns, self._samples = duration_s, 0, 0
-        self._was_down, self._tumbles = False, 0
+        self._stood = self._tipped = False
+        self._tumbles = 0
 
     def over(self, now_ns: int) -> bool:
         """Look at the robot; true when the time is over."""
@@ -168,10 +170,16 @@ class EnduranceObserver:
         self._samples += 1
         if self._samples % 100 == 1:
             self._progress(now_ns * 1e-9, self._duration_s, Mode(self._safety.mode))
-        down = self._world.tilt > FALLEN_TILT_RAD or self._world.clearance < self._simulation.fallen_clearance_m
-        self._tumbles += down and not self._was_down and self._safety.mode in _POWERED
-        self._was_down = down
+        self._look_for_tumbles()
         return now_ns >= self._duration_s * 1e9
+
+    def _look_for_tumbles(self) -> None:
+        """A robot that rises from the ground has not fallen onto it, but may tip over."""
+        lies, tipped = self._world.clearance < self._simulation.fallen_clearance_m, self._world.tilt > FALLEN_TILT_RAD
+        powered = self._safety.mode in _POWERED
+        self._tumbles += powered and ((tipped and not self._tipped) or (lies and self._stood))
+        self._tipped = tipped
+        self._stood = powered and not lies and not tipped and (self._stood or self._operator.ready())
 
     def outcome(self) -> dict[str, Any]:
         """How the walk went; `tumbles` are falls of a robot that was not damped."""

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The operator of a long walk brings a robot through laps and faults by what it shows."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from runtime.robots import load_configuration, topics
 from runtime.robots.uslgo1.assembly import assemble
 from runtime.signals import Fault, Mode, Motion, OperatorEvent, Path, Request
 from sim_bridge.courses import scenario
-from sim_bridge.endurance import RESTED_NS, WATCHED, EnduringOperator
+from sim_bridge.endurance import RESTED_NS, WATCHED, EnduranceObserver, EnduringOperator
+from sim_bridge.observer import SAMPLE_NS
 from sim_bridge.script import PERIOD_NS
 
 CONFIG = load_configuration("uslgo1")
@@ -106,3 +109,44 @@ def test_after_a_fault_it_lies_is_reset_and_stands_up_again(robot):
     stand(robot)
     walk_off(robot)
     assert [fault for _, fault in robot.operator.falls] == ["STALE_IMU"]
+
+
+@pytest.fixture
+def watched(robot):
+    """An observer of a robot of which the truth is set, and what it counts after each look."""
+    world = SimpleNamespace(tilt=0.0, clearance=0.05)
+    simulation = SimpleNamespace(fallen_clearance_m=0.1)
+    observer = EnduranceObserver(simulation, world, robot.operator, robot.records, 1e6, lambda *_: None)
+
+    def tumbles(mode, tilt, clearance, balancing=False):
+        robot.safety.mode, robot.gait.balancing = mode, balancing
+        world.tilt, world.clearance = tilt, clearance
+        robot.now_ns += SAMPLE_NS
+        assert not observer.over(robot.now_ns)
+        return observer.outcome()["tumbles"]
+
+    return tumbles
+
+
+def test_a_robot_that_rises_from_the_ground_has_not_fallen(watched):
+    for clearance in (0.05, 0.11, 0.09, 0.12):
+        assert watched(Mode.STANDING, 0.1, clearance) == 0
+    assert watched(Mode.STANDING, 0.1, 0.29, balancing=True) == 0
+
+
+def test_a_robot_that_stood_and_lies_under_power_has_fallen_once(watched):
+    watched(Mode.STANDING, 0.0, 0.29, balancing=True)
+    assert watched(Mode.ACTIVE, 0.3, 0.05) == 1
+    assert watched(Mode.ACTIVE, 0.3, 0.05) == 1
+
+
+def test_a_robot_that_tips_over_under_power_has_fallen_even_if_it_never_stood(watched):
+    watched(Mode.STANDING, 0.5, 0.08)
+    assert watched(Mode.STANDING, 1.1, 0.2) == 1
+    assert watched(Mode.STANDING, 3.0, 0.05) == 1
+
+
+def test_what_falls_out_of_damped_is_no_tumble(watched):
+    watched(Mode.ACTIVE, 0.0, 0.29, balancing=True)
+    assert watched(Mode.DAMPED, 0.3, 0.2) == 0
+    assert watched(Mode.DAMPED, 1.2, 0.05) == 0
