@@ -21,6 +21,7 @@ from runtime.messages.keys import DEFAULT_QUALITY, SENSOR_QUALITY
 from runtime.messages.path import PathMessage
 from runtime.messages.pose import PoseStampedMessage
 from runtime.messages.session import Publisher, RosSession, session_config
+from runtime.messages.twist import encode_twist
 from runtime.records import Record
 from runtime.robots.link_config import LinkConfig
 from runtime.signals import Battery, Imu, Motion, OperatorEvent, Path, Pose, Request
@@ -115,6 +116,8 @@ def operator_message(event: OperatorEvent) -> Message:
         return ros.MOTION, standard.encode_string(Motion(event.motion).name.lower())
     if request == Request.EMERGENCY_STOP:
         return ros.E_STOP, standard.encode_bool(True)
+    if request == Request.VELOCITY:
+        return ros.CMD_VEL, encode_twist(*event.velocity.tolist())
     plain = {Request.LIFE: ros.HEARTBEAT, Request.RESET: ros.RESET, Request.RELEASE: ros.RELEASE}
     return plain[request], standard.encode_empty()
 
@@ -125,6 +128,7 @@ TYPES = {
     ros.BATTERY: definitions.BATTERY_STATE,
     ros.PATH: definitions.PATH,
     ros.PATH_SPEED: definitions.FLOAT64,
+    ros.CMD_VEL: definitions.TWIST,
     ros.ARM: definitions.BOOL,
     ros.E_STOP: definitions.BOOL,
     ros.MOTION: definitions.STRING,

@@ -45,6 +45,14 @@ def decode_twist_stamped(payload: bytes) -> Velocity:
     return _velocity(reader, *reader.header())
 
 
+def encode_twist(forward: float, lateral: float, yaw_rate: float) -> bytes:
+    """A geometry_msgs/Twist, m/s and rad/s."""
+    template = CdrTemplate()
+    slot = template.float64(6)
+    template.view(slot, 6)[:] = forward, lateral, 0.0, 0.0, 0.0, yaw_rate
+    return template.to_bytes()
+
+
 class TwistStampedMessage:
     """Encodes /cmd_vel."""
 

@@ -145,9 +145,8 @@ def flooded_by_subscribers(stage: Stage) -> None:
 def malformed_messages(stage: Stage) -> None:
     """Somebody sends what cannot be read, on many topics."""
     session = _session(stage, "babbler")
-    types = {**TYPES, ros.CMD_VEL: definitions.TWIST}
     for topic in _BABBLED:
-        publisher = session.publisher(topic, types[topic], DEFAULT_QUALITY)
+        publisher = session.publisher(topic, TYPES[topic], DEFAULT_QUALITY)
         for _ in range(MALFORMED):
             publisher.put(stage.chance.randbytes(stage.chance.randrange(200)))
 
