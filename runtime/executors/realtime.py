@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real-time executor: each loop a thread under SCHED_FIFO, woken at absolute times.
 
-It runs the tasks that lockstep runs, untouched. The first loop is the fast one; the others are released half a period
-of it later, since ticks that begin together contend for the interpreter, and the fast one cannot afford it. What one
-loop gives another becomes visible at release + budget, or when it is ready if that is later; frames leave at once. A
-loop that is not done when its next release comes skips whole periods, so that it never runs after a backlog, and counts
-them. A loop that ends, be it by an exception in any of them, leaves its last outputs to its ports: what a drive hears
-last is not the command of a moment long past.
+It runs the tasks that lockstep runs, untouched. The first loop is the fast one, and cannot afford to contend for the
+interpreter. So the others are released half a period of it later; when it is woken it waits for the interpreter only
+shortly, and while it computes the others wait long. What one loop gives another becomes visible at release + budget, or
+when it is ready if that is later; frames leave at once. A loop that is not done when its next release comes skips whole
+periods, so that it never runs after a backlog, and counts them. A loop that ends, be it by an exception in any of them,
+leaves its last outputs to its ports: what a drive hears last is not the command of a moment long past.
 """
 
 from __future__ import annotations
@@ -21,14 +21,16 @@ from runtime.executors.collector import collector_paused
 from runtime.executors.linux import Alarm, lock_memory, run_first, stay_on, unlock_memory
 from runtime.executors.liveness import Liveness
 from runtime.executors.loop_run import InputPort, LoopRun, OutputPort, TickSink, connected
-from runtime.executors.switch_interval import switch_interval
+from runtime.executors.switch_interval import set_switch_interval, switch_interval
 from runtime.executors.tick import manifest_of
 from runtime.executors.timing import next_tick
 from runtime.tasks import Loop
 
-SWITCH_INTERVAL_US = 500
-"""How long a loop that wants the interpreter waits for one that computes: longer than either keeps it without a pause,
-so that the fast one is not interrupted for the slow one; below 50 us they can starve each other for good."""
+SWITCH_INTERVAL_US = 50
+"""How long the fast loop, once woken, waits for the interpreter if another loop has it; below 50 us, loops on one
+processor can starve each other for good."""
+KEPT_US = 5000
+"""How long the others wait while it computes: a tick is not interrupted for them, but a hung one is."""
 START_AFTER_NS = 50_000_000
 """From the start to the first release, so that every thread is waiting by then."""
 
@@ -42,7 +44,7 @@ class RealTime:
         sink: takes the datagrams, from every loop's thread.
         processors: that the threads may run on; none for all.
         key_frame_ns: how often every task's state is logged and taken up again.
-        switch_interval_us: how long a thread that wants the interpreter waits for one that computes.
+        switch_interval_us: how long the first loop, once woken, waits for the interpreter if another loop has it.
         liveness: told of each tick of the first loop.
 
     Attributes:
@@ -132,11 +134,15 @@ class RealTime:
             self._failures.append(failure)
 
     def _loop(self, run: LoopRun, start_ns: int) -> None:
-        alarm, tick, loop = Alarm(), run.tick, run.loop
+        alarm, tick, loop, first = Alarm(), run.tick, run.loop, run is self._runs[0]
         outputs = [(record, self._output_ports[record.topic]) for record in loop.port_outputs]
         while not self._stop.is_set():
             tick.release_ns = start_ns + run.index * loop.period_ns
+            if first:
+                set_switch_interval(self._switch_interval_us)
             alarm.sleep_until(tick.release_ns)
+            if first:
+                set_switch_interval(KEPT_US)
             now_ns = time.monotonic_ns()
             tick.wake_latency_ns = now_ns - tick.release_ns
             run.step(now_ns)
@@ -147,6 +153,6 @@ class RealTime:
             tick.late = done_ns > due_ns
             run.publish(max(due_ns, done_ns))
             run.log()
-            if self._liveness is not None and run is self._runs[0]:
+            if self._liveness is not None and first:
                 self._liveness.ticked([other.index for other in self._runs], not tick.skipped, done_ns)
             run.index, tick.skipped = next_tick(run.index, start_ns, loop.period_ns, time.monotonic_ns())

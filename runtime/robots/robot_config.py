@@ -31,8 +31,7 @@ class RealtimeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         control_processors, link_processors: numbers of the processors that they run on; empty for all.
         link_priority: of the link's threads.
         recorder_priority: of the recorder's threads, below all others; 0 for the normal one.
-        control_switch_interval_us: how long a loop that wants the interpreter waits for another that computes; it is
-            longer than a loop keeps it without a pause, so that the fast one is not interrupted for the slow one.
+        control_switch_interval_us: how long the fast loop, once woken, waits for the interpreter if another has it.
         link_switch_interval_us: the same for the link, whose threads are many and not all its own.
     """
 
@@ -40,7 +39,7 @@ class RealtimeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     link_processors: tuple[Annotated[int, msgspec.Meta(ge=0, le=1023)], ...] = ()
     link_priority: Annotated[int, msgspec.Meta(ge=1, le=98)] = 40
     recorder_priority: Annotated[int, msgspec.Meta(ge=0, le=98)] = 20
-    control_switch_interval_us: Annotated[int, msgspec.Meta(ge=50, le=5000)] = 500
+    control_switch_interval_us: Annotated[int, msgspec.Meta(ge=50, le=5000)] = 50
     link_switch_interval_us: Annotated[int, msgspec.Meta(ge=50, le=5000)] = 100
 
 

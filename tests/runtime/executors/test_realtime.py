@@ -5,6 +5,7 @@ Nothing here says how fast a host is: every expectation is made from the times t
 """
 
 import itertools
+import sys
 import threading
 import time
 
@@ -12,7 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.executors.realtime import RealTime
+from runtime.executors import realtime
+from runtime.executors.realtime import KEPT_US, SWITCH_INTERVAL_US, RealTime
 from runtime.executors.tick import Tick, entries
 from runtime.executors.timing import next_tick
 from runtime.records import Record, int64
@@ -118,6 +120,22 @@ def test_a_value_is_seen_from_release_plus_budget_on_and_never_before():
             assert releases[sequence] + 1 * MS <= tick.now_ns
     positions = {tick.index + 1: position for position, tick in enumerate(fast, start=1)}
     assert [value for _, value in b.seen] == [positions.get(sequence, 0) for sequence in consumed]
+
+
+def test_the_fast_loop_waits_shortly_for_the_interpreter_and_keeps_it_while_it_computes(monkeypatch):
+    asleep, at_work, before = [], [], sys.getswitchinterval()
+
+    class Alarm(realtime.Alarm):
+        def sleep_until(self, wake_ns):
+            if threading.current_thread().name == "fast":
+                asleep.append(sys.getswitchinterval())
+            super().sleep_until(wake_ns)
+
+    monkeypatch.setattr(realtime, "Alarm", Alarm)
+    run(fast_work=lambda step: at_work.append(sys.getswitchinterval()))
+    assert asleep == pytest.approx([SWITCH_INTERVAL_US * 1e-6] * len(asleep))
+    assert at_work == pytest.approx([KEPT_US * 1e-6] * 60)
+    assert sys.getswitchinterval() == before
 
 
 def test_a_stalled_loop_skips_whole_periods_and_counts_them():
