@@ -62,8 +62,8 @@ class Stage:
 
     @property
     def away(self) -> Path:
-        """Where the logs are while their directory is gone."""
-        return self.logs.with_name(f"{self.logs.name}-away")
+        """Where the logs are while their directory is gone: on the same disk, or they could not be moved."""
+        return self.logs / ".away"
 
 
 Act = Callable[[Stage], None]
@@ -194,7 +194,7 @@ def logs_gone(stage: Stage) -> None:
     """The present log is moved away under the recorder's hands."""
     stage.away.mkdir(exist_ok=True)
     for bag in stage.logs.iterdir():
-        if bag.is_dir():
+        if bag.is_dir() and bag != stage.away:
             bag.rename(stage.away / bag.name)
 
 
