@@ -6,13 +6,13 @@ A link is drawn as the box that has its inertia, a foot as a ball. Rotor inertia
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import numpy.typing as npt
 
 from runtime.models.quadruped import AXES, FEET, LEFT, LEG_JOINTS, Link, Quadruped
+from runtime.models.urdf_parts import add_box, add_inertial, add_joint, document, text
 
 Array = npt.NDArray[np.float64]
 
@@ -43,39 +43,20 @@ def quadruped_urdf(
         for part, (joint, axis, offset, link) in enumerate(zip(LEG_JOINTS, AXES, offsets, links, strict=True)):
             child = f"{foot}_{joint}_link"
             _link(robot, child, link, float(LEFT[leg]))
-            row = _joint(robot, f"{foot}_{joint}", "revolute", parent, child, offset)
-            SubElement(row, "axis", xyz=_text(axis.tolist()))
+            row = add_joint(robot, f"{foot}_{joint}", "revolute", parent, child, offset)
+            SubElement(row, "axis", xyz=text(axis.tolist()))
             low, high = (float(bound[len(LEG_JOINTS) * leg + part]) for bound in bounds)
             limits = {"lower": low, "upper": high, "effort": effort_nm, "velocity": velocity_radps}
             SubElement(row, "limit", {key: repr(float(value)) for key, value in limits.items()})
             parent = child
         ball = SubElement(SubElement(SubElement(robot, "link", name=f"{foot}_foot"), "visual"), "geometry")
         SubElement(ball, "sphere", radius=repr(description.foot_radius_m))
-        _joint(robot, f"{foot}_sole", "fixed", parent, f"{foot}_foot", (0.0, 0.0, -description.shank_length_m))
-    indent(robot)
-    return '<?xml version="1.0"?>\n' + tostring(robot, encoding="unicode") + "\n"
+        add_joint(robot, f"{foot}_sole", "fixed", parent, f"{foot}_foot", (0.0, 0.0, -description.shank_length_m))
+    return document(robot)
 
 
 def _link(robot: Element, name: str, body: Link, left: float) -> None:
     link = SubElement(robot, "link", name=name)
-    center = _text(body.center(left).tolist())
-    inertial = SubElement(link, "inertial")
-    SubElement(inertial, "origin", xyz=center)
-    SubElement(inertial, "mass", value=repr(body.mass_kg))
-    moments = dict(zip(("ixx", "iyy", "izz"), map(repr, body.inertia_kg_m2().tolist()), strict=True))
-    SubElement(inertial, "inertia", moments | dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
-    visual = SubElement(link, "visual")
-    SubElement(visual, "origin", xyz=center)
-    SubElement(SubElement(visual, "geometry"), "box", size=_text(body.box_m))
-
-
-def _joint(robot: Element, name: str, kind: str, parent: str, child: str, offset: Sequence[float]) -> Element:
-    joint = SubElement(robot, "joint", name=name, type=kind)
-    SubElement(joint, "parent", link=parent)
-    SubElement(joint, "child", link=child)
-    SubElement(joint, "origin", xyz=_text(offset))
-    return joint
-
-
-def _text(numbers: Sequence[float]) -> str:
-    return " ".join(repr(float(number)) for number in numbers)
+    center = body.center(left).tolist()
+    add_inertial(link, body.mass_kg, center, body.inertia_kg_m2().tolist())
+    add_box(link, center, body.box_m)

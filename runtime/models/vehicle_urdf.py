@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement
 
+from runtime.models.urdf_parts import add_box, add_inertial, add_joint, document
 from runtime.models.vehicle import WHEELS, Vehicle
 
 _HERE = (0.0, 0.0, 0.0)
@@ -27,58 +28,31 @@ def vehicle_urdf(description: Vehicle, name: str, base: str, wheel_radps: float)
     robot = Element("robot", name=name)
     chassis, reach = description.chassis, description.steering_range_rad
     body = SubElement(robot, "link", name=base)
-    _inertial(body, chassis.mass_kg, chassis.center_m, chassis.inertia_kg_m2().tolist())
-    _box(body, chassis.center_m, chassis.box_m)
+    add_inertial(body, chassis.mass_kg, chassis.center_m, chassis.inertia_kg_m2().tolist())
+    add_box(body, chassis.center_m, chassis.box_m)
     radius, width = description.wheel_radius_m, description.wheel_width_m
     for wheel, (x, y) in zip(WHEELS, description.wheel_positions().tolist(), strict=True):
         knuckle = SubElement(robot, "link", name=f"{wheel}_knuckle")
-        _inertial(
+        add_inertial(
             knuckle, description.knuckle_mass_kg, (0.0, 0.0, 0.0), _of_cylinder(description.knuckle_mass_kg, *_ROUND)
         )
-        axis = _joint(robot, f"{wheel}_steering", "revolute", base, f"{wheel}_knuckle", (x, y, radius))
+        axis = add_joint(robot, f"{wheel}_steering", "revolute", base, f"{wheel}_knuckle", (x, y, radius))
         SubElement(axis, "axis", xyz="0 0 1")
         SubElement(axis, "limit", lower=repr(-reach), upper=repr(reach), effort="0", velocity="0")
         rim = SubElement(robot, "link", name=f"{wheel}_link")
-        _inertial(
+        add_inertial(
             rim, description.wheel_mass_kg, (0.0, 0.0, 0.0), _of_cylinder(description.wheel_mass_kg, radius, width)
         )
         visual = SubElement(rim, "visual")
         SubElement(visual, "origin", rpy=f"{_QUARTER!r} 0 0")
         SubElement(SubElement(visual, "geometry"), "cylinder", radius=repr(radius), length=repr(width))
-        axle = _joint(robot, f"{wheel}_wheel", "continuous", f"{wheel}_knuckle", f"{wheel}_link", _HERE)
+        axle = add_joint(robot, f"{wheel}_wheel", "continuous", f"{wheel}_knuckle", f"{wheel}_link", _HERE)
         SubElement(axle, "axis", xyz="0 1 0")
         SubElement(axle, "limit", effort="0", velocity=repr(wheel_radps))
-    indent(robot)
-    return '<?xml version="1.0"?>\n' + tostring(robot, encoding="unicode") + "\n"
+    return document(robot)
 
 
 def _of_cylinder(mass: float, radius: float, width: float) -> Sequence[float]:
     """Moments of inertia of a cylinder about y."""
     across = mass * (3.0 * radius**2 + width**2) / 12.0
     return across, 0.5 * mass * radius**2, across
-
-
-def _inertial(link: Element, mass: float, center: Sequence[float], moments: Sequence[float]) -> None:
-    inertial = SubElement(link, "inertial")
-    SubElement(inertial, "origin", xyz=_text(center))
-    SubElement(inertial, "mass", value=repr(mass))
-    values = dict(zip(("ixx", "iyy", "izz"), map(repr, moments), strict=True))
-    SubElement(inertial, "inertia", values | dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
-
-
-def _box(link: Element, center: Sequence[float], size: Sequence[float]) -> None:
-    visual = SubElement(link, "visual")
-    SubElement(visual, "origin", xyz=_text(center))
-    SubElement(SubElement(visual, "geometry"), "box", size=_text(size))
-
-
-def _joint(robot: Element, name: str, kind: str, parent: str, child: str, offset: Sequence[float]) -> Element:
-    joint = SubElement(robot, "joint", name=name, type=kind)
-    SubElement(joint, "parent", link=parent)
-    SubElement(joint, "child", link=child)
-    SubElement(joint, "origin", xyz=_text(offset))
-    return joint
-
-
-def _text(numbers: Sequence[float]) -> str:
-    return " ".join(repr(float(number)) for number in numbers)
