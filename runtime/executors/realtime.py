@@ -65,6 +65,7 @@ class RealTime:
     ) -> None:
         self.manifest = manifest_of(tuple(loops))
         self._runs = connected(loops, self.manifest, key_frame_ns, input_ports, sink)
+        self._fast = self._runs[0]
         self._output_ports, self._processors = output_ports, frozenset(processors)
         self._switch_interval_us, self._liveness = switch_interval_us, liveness
         self._stop = threading.Event()
@@ -92,8 +93,10 @@ class RealTime:
             if start_ns is None:
                 start_ns = time.monotonic_ns() + START_AFTER_NS
             threads = [
-                threading.Thread(target=self._guarded, args=(run, start_ns + apart_ns), name=run.loop.name)
-                for run, apart_ns in zip(self._runs, self._apart(), strict=True)
+                threading.Thread(
+                    target=self._guarded, args=(run, self._first_release(run, start_ns)), name=run.loop.name
+                )
+                for run in self._runs
             ]
             for thread in threads:
                 thread.start()
@@ -102,9 +105,8 @@ class RealTime:
         if self._failures:
             raise self._failures[0]
 
-    def _apart(self) -> list[int]:
-        """How long after the start each loop is released first, ns."""
-        return [0, *[self._runs[0].loop.period_ns // 2] * (len(self._runs) - 1)]
+    def _first_release(self, run: LoopRun, start_ns: int) -> int:
+        return start_ns if run is self._fast else start_ns + self._fast.loop.period_ns // 2
 
     def _note(self, refusal: str) -> None:
         if refusal and refusal not in self.refused:
@@ -134,15 +136,11 @@ class RealTime:
             self._failures.append(failure)
 
     def _loop(self, run: LoopRun, start_ns: int) -> None:
-        alarm, tick, loop, first = Alarm(), run.tick, run.loop, run is self._runs[0]
+        alarm, tick, loop = Alarm(), run.tick, run.loop
         outputs = [(record, self._output_ports[record.topic]) for record in loop.port_outputs]
         while not self._stop.is_set():
             tick.release_ns = start_ns + run.index * loop.period_ns
-            if first:
-                set_switch_interval(self._switch_interval_us)
-            alarm.sleep_until(tick.release_ns)
-            if first:
-                set_switch_interval(KEPT_US)
+            self._sleep(run, alarm)
             now_ns = time.monotonic_ns()
             tick.wake_latency_ns = now_ns - tick.release_ns
             run.step(now_ns)
@@ -153,6 +151,15 @@ class RealTime:
             tick.late = done_ns > due_ns
             run.publish(max(due_ns, done_ns))
             run.log()
-            if self._liveness is not None and first:
+            if self._liveness is not None and run is self._fast:
                 self._liveness.ticked([other.index for other in self._runs], not tick.skipped, done_ns)
             run.index, tick.skipped = next_tick(run.index, start_ns, loop.period_ns, time.monotonic_ns())
+
+    def _sleep(self, run: LoopRun, alarm: Alarm) -> None:
+        """Wait for the release of a tick; the fast loop then gets the interpreter soon, and keeps it."""
+        if run is not self._fast:
+            alarm.sleep_until(run.tick.release_ns)
+            return
+        set_switch_interval(self._switch_interval_us)
+        alarm.sleep_until(run.tick.release_ns)
+        set_switch_interval(KEPT_US)
