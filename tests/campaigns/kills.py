@@ -29,12 +29,12 @@ from runtime.signals import Mode
 from sim_bridge.faults.injector import SILENT, Order
 from sim_bridge.faults.live_judge import LOST_MAX_NS, moved_unarmed
 from sim_bridge.faults.live_logs import LiveLogs
+from sim_bridge.faults.live_session import ROBOT, SCENARIO
 from sim_bridge.live_answers import LiveAnswers
 from sim_bridge.live_buses import hub_buses
 from sim_bridge.live_processes import LiveProcesses, wired
 from sim_bridge.process import Task
 
-ROBOT, SCENARIO = "uslgo1", "circle-6cm"
 VICTIMS = ("control", "link", "recorder", "sim")
 WALKS_WITHIN_S, ANSWERS_WITHIN_S = 60.0, 10.0
 KILLS_OF_ONE = 40
