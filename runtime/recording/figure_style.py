@@ -8,6 +8,7 @@ peak is lost.
 from __future__ import annotations
 
 import io
+from html import escape
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -48,6 +49,10 @@ class ReportFigure(NamedTuple):
     title: str
     caption: str
     svg: str
+
+    def section(self) -> str:
+        """Of a page."""
+        return f"<section><h2>{escape(self.title)}</h2><p>{escape(self.caption)}</p>{self.svg}</section>"
 
 
 def svg(figure: Figure) -> str:

@@ -48,10 +48,7 @@ def report(data: RunData) -> str:
     from runtime.recording.report_figures import figures
 
     template = resources.files("runtime.recording").joinpath("report_template.html").read_text(encoding="utf-8")
-    sections = "\n".join(
-        f"<section><h2>{escape(made.title)}</h2><p>{escape(made.caption)}</p>{made.svg}</section>"
-        for made in figures(data)
-    )
+    sections = "\n".join(made.section() for made in figures(data))
     return Template(template).substitute(
         style=style(),
         title=escape(_title(data)),

@@ -48,10 +48,7 @@ def write_report(
         facts="".join(f"<li>{escape(fact)}</li>" for fact in facts),
         findings="".join(f"<li>{escape(sentence)}</li>" for sentence in found),
         tables="\n".join(_table(table) for table in tables),
-        figures="\n".join(
-            f"<section><h2>{escape(made.title)}</h2><p>{escape(made.caption)}</p>{made.svg}</section>"
-            for made in figures
-        ),
+        figures="\n".join(made.section() for made in figures),
         footer=escape(FOOTER),
     )
     path = directory / NAME
