@@ -3,10 +3,13 @@
 
 The loops are stepped on made-up inputs: the joints stand still in the standing posture, the IMU feels gravity, and the
 operator has the robot stand up and walk, on ground so slippery that the forces meet their bounds, or what searches
-among these would first be used when it counts. No frame leaves, and nothing that the real loops remember is touched.
+among these would first be used when it counts. Then it has to do without plans, and without the IMU: the answers to
+faults are rehearsed as well. No frame leaves, and nothing that the real loops remember is touched.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -15,34 +18,74 @@ from runtime.models.rigid_body import GRAVITY
 from runtime.records import Record
 from runtime.robots.uslgo1.assembly import assemble
 from runtime.robots.uslgo1.config import Uslgo1Config
-from runtime.signals import Battery, Imu, JointState, Mode, Motion, OperatorRequest, Path, Pose, SafetyStatus, Truth
+from runtime.signals import (
+    Battery,
+    Imu,
+    JointState,
+    Mode,
+    Motion,
+    OperatorRequest,
+    Path,
+    Pose,
+    SafetyStatus,
+    Steering,
+    Truth,
+)
 from runtime.tasks import Loop, due
 
 BEGIN_NS = 1_000_000_000
-WALK_AFTER_NS, DURATION_NS = 600_000_000, 1_200_000_000
-"""A robot that stands already is ready by then, and has taken steps with every leg by then."""
 SPEED_MPS, GOAL_M = 0.3, 10.0
+VELOCITY = (0.2, 0.0, 0.2)
+"""Forward and lateral, m/s, and yaw rate, rad/s."""
 SLIPPERY = 0.02
 """Friction coefficient."""
 
 
+class _Part(NamedTuple):
+    """A part of the rehearsal.
+
+    Attributes:
+        until_ns: when it ends.
+        motion, steering: that the operator asks for.
+        plans: whether the slow loop is stepped.
+        feels: whether the IMU speaks.
+    """
+
+    until_ns: int
+    motion: Motion
+    steering: Steering = Steering.PATH
+    plans: bool = True
+    feels: bool = True
+
+
+PARTS = (
+    _Part(600_000_000, Motion.STAND),  # a robot that stands already is ready by then
+    _Part(1_200_000_000, Motion.WALK),  # steps with every leg
+    _Part(1_400_000_000, Motion.WALK, Steering.VELOCITY),
+    _Part(1_900_000_000, Motion.STAND, plans=False),  # comes to a stand, and then has no plan
+    _Part(2_100_000_000, Motion.STAND),
+    _Part(2_800_000_000, Motion.STAND, feels=False),  # crouches, and is damped
+)
+
+
 def rehearse(config: Uslgo1Config) -> bool:
-    """Step every loop for a while in virtual time; true if the robot came to walk."""
+    """Step every loop for a while in virtual time; true if the robot came to walk, and in the end was damped."""
     relaxation = replace(config.whole_body.relaxation, friction=SLIPPERY)
     whole_body = replace(config.whole_body, relaxation=relaxation)
     loops = assemble(replace(config, whole_body=whole_body)).loops
     scene = _Scene(config)
     written = {record.topic: record for loop in loops for record in loop.writes}
-    modes = [record for record in written.values() if isinstance(record, SafetyStatus)]
-    walked = False
-    fast = loops[0]
-    for index in range(DURATION_NS // fast.period_ns):
-        elapsed_ns = index * fast.period_ns
-        for loop in loops:
-            if elapsed_ns % loop.period_ns == 0:
-                _step(loop, elapsed_ns // loop.period_ns, elapsed_ns, scene, written)
-        walked = walked or modes[0].mode == Mode.ACTIVE
-    return walked
+    (status,) = (record for record in written.values() if isinstance(record, SafetyStatus))
+    fast, modes, elapsed_ns = loops[0], set(), 0
+    for part in PARTS:
+        scene.part = part
+        while elapsed_ns < part.until_ns:
+            for loop in loops:
+                if elapsed_ns % loop.period_ns == 0 and (loop is fast or part.plans):
+                    _step(loop, elapsed_ns // loop.period_ns, elapsed_ns, scene, written)
+            modes.add(Mode(status.mode))
+            elapsed_ns += fast.period_ns
+    return {Mode.ACTIVE, Mode.CROUCHING, Mode.DAMPED} <= modes
 
 
 def _step(loop: Loop, index: int, elapsed_ns: int, scene: _Scene, written: dict[str, Record]) -> None:
@@ -58,9 +101,14 @@ def _step(loop: Loop, index: int, elapsed_ns: int, scene: _Scene, written: dict[
 
 
 class _Scene:
-    """What the robot is made to believe."""
+    """What the robot is made to believe.
+
+    Attributes:
+        part: of the rehearsal.
+    """
 
     def __init__(self, config: Uslgo1Config) -> None:
+        self.part = PARTS[0]
         self._angles = config.quadruped.standing_angles(config.posture.height_m)
         self._height_m = config.posture.height_m
         self._voltage_v = 0.5 * (config.safety.voltage_min_v + config.safety.voltage_max_v)
@@ -71,7 +119,7 @@ class _Scene:
         if isinstance(record, JointState):
             record.stamp_ns, record.reply_ns, record.error = now_ns, now_ns, 0
             record.position, record.velocity, record.effort = self._angles, 0.0, 0.0
-        elif isinstance(record, Imu):
+        elif isinstance(record, Imu) and self.part.feels:
             record.stamp_ns, record.sequence = now_ns, elapsed_ns
             record.linear_acceleration, record.angular_velocity = (0.0, 0.0, GRAVITY), 1e-12 * elapsed_ns
         elif isinstance(record, (Pose, Truth)):
@@ -86,4 +134,5 @@ class _Scene:
             record.x[:2] = np.array([0.0, GOAL_M])
         elif isinstance(record, OperatorRequest):
             record.stamp_ns, record.held, record.arm = now_ns, True, elapsed_ns > 0
-            record.motion = Motion.WALK if elapsed_ns >= WALK_AFTER_NS else Motion.STAND
+            record.motion, record.steering = self.part.motion, self.part.steering
+            record.velocity, record.velocity_ns = VELOCITY, now_ns
