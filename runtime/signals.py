@@ -56,6 +56,7 @@ class Stance(IntEnum):
     RISING = 1
     STANDING = 2
     SITTING = 3
+    GATHERING = 4
 
 
 class Fault(IntFlag):
@@ -293,7 +294,7 @@ class Posture(Record):
     """Where standing up or sitting down has come to, and the joint references that do it."""
 
     stamp_ns = int64("ns")
-    stance = uint8("", "Stance: 0 resting, 1 rising, 2 standing, 3 sitting down")
+    stance = uint8("", "Stance: 0 resting, 1 rising, 2 standing, 3 sitting down, 4 gathering the legs")
     progress = float64("", "of the present motion, 0 to 1")
     position = float64_array("joint", "rad")
     velocity = float64_array("joint", "rad/s")

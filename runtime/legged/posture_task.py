@@ -21,6 +21,8 @@ Array = npt.NDArray[np.float64]
 
 UPRIGHT_TOLERANCE_RAD = 0.25
 """Joints this close to the standing posture need no standing up, only a short settling."""
+SEATED_TOLERANCE_RAD = 0.2
+"""Joints this close to the seated posture can lift the trunk at once."""
 SHORTEST_FRACTION = 0.2
 """Shortest motion, as a part of the full one."""
 
@@ -45,6 +47,8 @@ class Postures(NamedTuple):
 
 class PostureTask(Task):
     """Moves the joints between resting and standing when the operator asks and safety allows, or crouches for safety.
+
+    Legs that lie as a fall has left them would push the trunk over: they are gathered below it before it rises.
 
     Args:
         description: of the robot.
@@ -105,6 +109,8 @@ def _move(
             memory.duration_s = config.crouch_s
     elif mode != Mode.STANDING and mode != Mode.ACTIVE:
         memory.stance, memory.crouching = Stance.RESTING.value, False
+    elif up and memory.stance == Stance.RESTING and not can_rise(joints.position, postures):
+        _begin(config, memory, joints, Stance.GATHERING.value, postures.seated, now_ns)
     elif up and (memory.stance == Stance.RESTING or memory.stance == Stance.SITTING):
         _begin(config, memory, joints, Stance.RISING.value, postures.upright, now_ns)
     elif not up and mode == Mode.STANDING and is_up(memory.stance):
@@ -113,17 +119,32 @@ def _move(
     if memory.crouching:
         target = postures.crouched
     progress = 1.0
-    if memory.stance == Stance.RISING or memory.stance == Stance.SITTING:
+    if is_moving(memory.stance):
         progress = (now_ns - memory.begin_ns) * 1e-9 / memory.duration_s
         position, rate = blend(memory.begin, target, progress)
         output.position[:], output.velocity[:] = position, rate / memory.duration_s
-        if progress >= 1.0:
+        if progress >= 1.0 and memory.stance == Stance.GATHERING and up:
+            _begin(config, memory, joints, Stance.RISING.value, postures.upright, now_ns)
+        elif progress >= 1.0:
             memory.stance = (Stance.STANDING if memory.stance == Stance.RISING else Stance.RESTING).value
     else:
         output.position[:], output.velocity[:] = target, 0.0
     output.stamp_ns = now_ns
     output.stance = memory.stance
     output.progress = min(progress, 1.0)
+
+
+@compiled
+def can_rise(position: Array, postures: Postures) -> bool:
+    """Whether the legs (12,) are below the trunk, seated or upright."""
+    seated = np.abs(position - postures.seated).max() <= SEATED_TOLERANCE_RAD
+    return bool(seated or np.abs(position - postures.upright).max() <= UPRIGHT_TOLERANCE_RAD)
+
+
+@compiled
+def is_moving(stance: int) -> bool:
+    """Whether the legs are on their way to a posture."""
+    return stance == Stance.RISING or stance == Stance.SITTING or stance == Stance.GATHERING
 
 
 @compiled

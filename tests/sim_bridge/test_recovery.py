@@ -23,7 +23,7 @@ SAID = (
     (2_900, Request.RESET, Motion.REST),
     (3_600, Request.MOTION, Motion.STAND),
     (3_700, Request.ARM, Motion.REST),
-    (5_900, Request.MOTION, Motion.WALK),
+    (7_400, Request.MOTION, Motion.WALK),
 )
 EXPECTED = (
     (2_500, Mode.DAMPED),
@@ -33,8 +33,8 @@ EXPECTED = (
     (3_500, Mode.STANDBY),
     (3_650, Mode.STANDBY),
     (3_750, Mode.STANDING),
-    (5_800, Mode.STANDING),
-    (6_500, Mode.ACTIVE),
+    (7_300, Mode.STANDING),
+    (8_000, Mode.ACTIVE),
 )
 
 
@@ -58,7 +58,7 @@ def test_a_mended_robot_leaves_damped_by_reset_and_arm_and_walks_again(fault):
             modes.append(Mode(status.mode))
         return False
 
-    executor.run(6_600 * MS, look)
+    executor.run(8_100 * MS, look)
     assert modes == [mode for _, mode in EXPECTED]
     assert status.faults == 1
     assert gait.walking

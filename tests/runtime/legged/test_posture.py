@@ -136,3 +136,31 @@ def test_it_does_not_sit_down_while_it_walks(bench):
     rig.robot.safety.mode = Mode.STANDING
     rig.run(0.1)
     assert rig.robot.posture.stance == Stance.SITTING
+
+
+@pytest.fixture
+def sprawled(bench):
+    """A robot with a leg beside it, that is to stand up."""
+    rig = Rig(bench())
+    rig.robot.joints.position = rig.seated + np.array([0.6, -0.8, 0.5] + [0.0] * 9)
+    rig.robot.operator.motion, rig.robot.safety.mode = Motion.STAND, Mode.STANDING
+    return rig
+
+
+def test_legs_that_lie_about_are_gathered_before_the_robot_rises(sprawled):
+    lying, rise_s = sprawled.robot.joints.position.copy(), sprawled.robot.config.posture.rise_s
+    gathering = sprawled.run(rise_s)
+    assert sprawled.robot.posture.stance == Stance.GATHERING
+    rising = sprawled.run(rise_s + 0.1)
+    assert sprawled.robot.posture.stance == Stance.STANDING
+    np.testing.assert_allclose(gathering[0], lying, atol=1e-9)
+    np.testing.assert_allclose(rising[0], sprawled.seated, atol=1e-3)
+    assert np.abs(np.diff(np.vstack((gathering, rising)), 2, axis=0)).max() < 1e-3
+
+
+def test_one_that_is_to_rest_after_all_stays_seated(sprawled):
+    sprawled.run(0.5)
+    sprawled.robot.operator.motion = Motion.SIT
+    sprawled.run(sprawled.robot.config.posture.rise_s)
+    assert sprawled.robot.posture.stance == Stance.RESTING
+    np.testing.assert_allclose(sprawled.robot.joints.position, sprawled.seated, atol=1e-9)
