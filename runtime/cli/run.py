@@ -90,6 +90,7 @@ def _control(options: argparse.Namespace) -> int:
         config.drives.command_age_max_ns,
         config.realtime.control_processors,
         config.realtime.control_switch_interval_us,
+        config.realtime.exit_latency_max_us,
     )
     for sentence in refused:
         print(f"ugv run: {sentence}", file=sys.stderr)

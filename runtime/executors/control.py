@@ -16,7 +16,7 @@ from drivers.socket_ports import SocketReader, SocketWriter
 from runtime.executors.liveness import Liveness
 from runtime.executors.loop_run import InputPort
 from runtime.executors.notify import Notifier
-from runtime.executors.realtime import SWITCH_INTERVAL_US, RealTime
+from runtime.executors.realtime import EXIT_LATENCY_US, SWITCH_INTERVAL_US, RealTime
 from runtime.executors.shared_ports import EventPort, LatestPort
 from runtime.executors.tick_stream import LINK_SOCKET, OBSERVER_SOCKET, RECORDER_SOCKET, TickStream, TickStreams
 from runtime.robots import topics
@@ -37,6 +37,7 @@ def control(
     command_age_max_ns: int,
     processors: Collection[int] = (),
     switch_interval_us: int = SWITCH_INTERVAL_US,
+    exit_latency_us: int = EXIT_LATENCY_US,
 ) -> list[str]:
     """Run a robot until SIGTERM or SIGINT.
 
@@ -48,6 +49,7 @@ def control(
         command_age_max_ns: commands older than this are not sent.
         processors: that the loops may run on; none for all.
         switch_interval_us: see `RealTime`.
+        exit_latency_us: likewise.
 
     Returns:
         What the system did not grant, as sentences.
@@ -73,6 +75,7 @@ def control(
             processors,
             switch_interval_us=switch_interval_us,
             liveness=Liveness(Notifier()),
+            exit_latency_us=exit_latency_us,
         )
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: executor.stop())

@@ -1,17 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a real-time thread asks of Linux: a priority, its processors, memory that stays, to wake and to send on time."""
+"""What a real-time thread asks of Linux: a priority, its processors, memory that stays, to wake and send on time."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import socket
+import struct
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _TIMER_ABSTIME = 1
 _NS_PER_SECOND = 1_000_000_000
+LATENCY_REQUEST = Path("/dev/cpu_dma_latency")
+"""Holds, as long as it is open, the latency that is written into it (the kernel's PM QoS interface)."""
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _send = ctypes.PyDLL(None, use_errno=True).send
 _send.argtypes, _send.restype = (ctypes.c_int, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_int), ctypes.c_ssize_t
@@ -64,6 +69,24 @@ def lock_memory() -> str:
 def unlock_memory() -> None:
     """Let the system move this process's memory again."""
     _LIBC.munlockall()
+
+
+@contextmanager
+def processors_awake(exit_latency_us: int, request: Path = LATENCY_REQUEST) -> Iterator[str]:
+    """Keep every processor from sleeping so deeply that it needs longer than this to wake.
+
+    Gives why that was refused, or nothing.
+    """
+    try:
+        descriptor = os.open(request, os.O_WRONLY)
+    except OSError as error:
+        yield f"processors may sleep deeply between ticks, and wake later for it ({request}: {error.strerror})"
+        return
+    try:
+        os.write(descriptor, struct.pack("=i", exit_latency_us))
+        yield ""
+    finally:
+        os.close(descriptor)
 
 
 def send_at_once(descriptor: int, datagram: bytes) -> int:

@@ -18,7 +18,7 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 
 from runtime.executors.collector import collector_paused
-from runtime.executors.linux import Alarm, lock_memory, run_first, stay_on, unlock_memory
+from runtime.executors.linux import Alarm, lock_memory, processors_awake, run_first, stay_on, unlock_memory
 from runtime.executors.liveness import Liveness
 from runtime.executors.loop_run import InputPort, LoopRun, OutputPort, TickSink, connected
 from runtime.executors.switch_interval import set_switch_interval, switch_interval
@@ -31,6 +31,8 @@ SWITCH_INTERVAL_US = 50
 processor can starve each other for good."""
 KEPT_US = 5000
 """How long the others wait while it computes: a tick is not interrupted for them, but a hung one is."""
+EXIT_LATENCY_US = 0
+"""How long a processor may take to leave its idle state: that is added to the wake latency of a loop."""
 START_AFTER_NS = 50_000_000
 """From the start to the first release, so that every thread is waiting by then."""
 
@@ -46,6 +48,7 @@ class RealTime:
         key_frame_ns: how often every task's state is logged and taken up again.
         switch_interval_us: how long the first loop, once woken, waits for the interpreter if another loop has it.
         liveness: told of each tick of the first loop.
+        exit_latency_us: how long a processor may take to leave its idle state.
 
     Attributes:
         manifest: of the datagrams.
@@ -62,12 +65,14 @@ class RealTime:
         key_frame_ns: int = 1_000_000_000,
         switch_interval_us: int = SWITCH_INTERVAL_US,
         liveness: Liveness | None = None,
+        exit_latency_us: int = EXIT_LATENCY_US,
     ) -> None:
         self.manifest = manifest_of(tuple(loops))
         self._runs = connected(loops, self.manifest, key_frame_ns, input_ports, sink)
         self._fast = self._runs[0]
         self._output_ports, self._processors = output_ports, frozenset(processors)
         self._switch_interval_us, self._liveness = switch_interval_us, liveness
+        self._exit_latency_us = exit_latency_us
         self._stop = threading.Event()
         self._failures: list[BaseException] = []
         self.refused: list[str] = []
@@ -88,6 +93,7 @@ class RealTime:
         with ExitStack() as stack:
             stack.enter_context(collector_paused())
             stack.enter_context(switch_interval(self._switch_interval_us))
+            self._note(stack.enter_context(processors_awake(self._exit_latency_us)))
             self._note(lock_memory())
             stack.callback(unlock_memory)
             if start_ns is None:

@@ -2,10 +2,11 @@
 """What Linux refuses is said in a sentence, and nobody is woken early."""
 
 import os
+import struct
 import threading
 import time
 
-from runtime.executors.linux import Alarm, lock_memory, run_first, stay_on, unlock_memory
+from runtime.executors.linux import Alarm, lock_memory, processors_awake, run_first, stay_on, unlock_memory
 
 
 def in_a_thread(function, *arguments):
@@ -48,3 +49,16 @@ def test_memory_is_locked_or_the_refusal_is_said():
         assert not refusal or "page faults may delay a loop" in refusal
     finally:
         unlock_memory()
+
+
+def test_processors_are_asked_to_wake_soon_and_the_request_is_a_number_as_the_kernel_wants_it(tmp_path):
+    request = tmp_path / "cpu_dma_latency"
+    request.touch()
+    with processors_awake(20, request) as refusal:
+        assert refusal == ""
+    assert struct.unpack("=i", request.read_bytes()) == (20,)
+
+
+def test_where_that_is_refused_it_is_said_and_the_loops_run_all_the_same(tmp_path):
+    with processors_awake(0, tmp_path / "none") as refusal:
+        assert refusal.startswith("processors may sleep deeply between ticks, and wake later for it (")
