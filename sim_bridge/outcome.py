@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from runtime.recording.metrics import path_metrics, push_recovery
+from runtime.recording.metrics import path_metrics
+from runtime.recording.push import push_recovery
 from runtime.recording.settling import settling, turn_in_place
 from runtime.tracking.paths import Polyline
 from sim_bridge.observer import Observer

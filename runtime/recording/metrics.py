@@ -24,10 +24,6 @@ STOPPED_WITHIN_M = 0.03
 STOPPED_FOR_S = 0.5
 SPEED_MARGIN_M = 1.0
 SEARCH_WINDOW_M = 0.5
-PUSH_RETURN_S, PUSH_RETURN_M = 5.0, 0.15
-PUSH_SPEED_S, PUSH_SPEED_SHARE = 3.0, 0.1
-PUSH_SPEED_WINDOW_S = 0.8
-"""Two gait cycles: the speed of a trotting trunk swings within one."""
 
 
 @dataclass(frozen=True)
@@ -88,20 +84,20 @@ class PathMetrics:
         lateral, heading = self.lateral_error_m, self.heading_error_rad
         return {
             "completed": self.completed,
-            "completion_time_s": _or_none(self.completion_time_s),
-            "path_length_m": _or_none(self.path_length_m),
+            "completion_time_s": or_none(self.completion_time_s),
+            "path_length_m": or_none(self.path_length_m),
             "lateral_error_m": {
-                "mean": _or_none(lateral.mean),
-                "rms": _or_none(lateral.rms),
-                "max": _or_none(lateral.max),
-                "std": _or_none(lateral.std),
+                "mean": or_none(lateral.mean),
+                "rms": or_none(lateral.rms),
+                "max": or_none(lateral.max),
+                "std": or_none(lateral.std),
             },
-            "heading_error_rad": {"rms": _or_none(heading.rms), "max": _or_none(heading.max)},
+            "heading_error_rad": {"rms": or_none(heading.rms), "max": or_none(heading.max)},
             "tracking_error_m": {
-                "mean": _or_none(self.tracking_error_mean_m),
-                "std": _or_none(self.tracking_error_std_m),
+                "mean": or_none(self.tracking_error_mean_m),
+                "std": or_none(self.tracking_error_std_m),
             },
-            "speed_mps": {"mean": _or_none(self.speed_mean_mps), "commanded": commanded_mps},
+            "speed_mps": {"mean": or_none(self.speed_mean_mps), "commanded": commanded_mps},
         }
 
 
@@ -250,75 +246,6 @@ def path_metrics(
     )
 
 
-@dataclass(frozen=True)
-class PushRecovery:
-    """What a push did to a walk.
-
-    Attributes:
-        passed: no fall, and within 0.15 m of the path 5 s later.
-        back_at_speed: along the path, the speed 3 s later is within 10 % of the commanded one.
-        displacement_m: largest distance to the path from the push on, until 5 s later.
-        distance_later_m: distance to the path 5 s later; NaN if the samples end before.
-        speed_later_mps: along the path, averaged over the two gait cycles that follow 3 s later; NaN likewise.
-    """
-
-    passed: bool
-    back_at_speed: bool
-    displacement_m: float
-    distance_later_m: float
-    speed_later_mps: float
-
-    def summary(self) -> dict[str, Any]:
-        """The entry `push` of summary.json."""
-        return {
-            "passed": self.passed,
-            "back_at_speed": self.back_at_speed,
-            "displacement_m": _or_none(self.displacement_m),
-            "distance_later_m": _or_none(self.distance_later_m),
-            "speed_later_mps": _or_none(self.speed_later_mps),
-        }
-
-
-def push_recovery(
-    t: npt.ArrayLike,
-    xy: npt.ArrayLike,
-    path: Polyline,
-    push_end_s: float | None,
-    commanded_mps: float,
-    fell: bool,
-) -> PushRecovery:
-    """Judge how a push was withstood.
-
-    Args:
-        t: sample times, rising, s.
-        xy: true trunk origin, n x 2, m.
-        path: the path.
-        push_end_s: when the force ended, on the clock of the samples; None if it never came, which passes nothing.
-        commanded_mps: speed along the path.
-        fell: whether the robot fell.
-    """
-    t, xy = np.asarray(t, dtype=np.float64), np.asarray(xy, dtype=np.float64)
-    if push_end_s is None or len(t) == 0:
-        return PushRecovery(False, False, math.nan, math.nan, math.nan)
-    seen = project(xy[:, 0], xy[:, 1], np.zeros(len(t)), path)
-    later = push_end_s + PUSH_RETURN_S
-    after = (t >= push_end_s) & (t <= later)
-    displacement = float(seen.distance[after].max()) if after.any() else math.nan
-    distance = float(np.interp(later, t, seen.distance)) if t[-1] >= later else math.nan
-    begin, end = push_end_s + PUSH_SPEED_S, push_end_s + PUSH_SPEED_S + PUSH_SPEED_WINDOW_S
-    speed = math.nan
-    if t[-1] >= end:
-        gone = np.interp([begin, end], t, seen.progress)
-        speed = float(gone[1] - gone[0]) / PUSH_SPEED_WINDOW_S
-    return PushRecovery(
-        passed=not fell and distance <= PUSH_RETURN_M,
-        back_at_speed=not fell and abs(speed - commanded_mps) <= PUSH_SPEED_SHARE * commanded_mps,
-        displacement_m=displacement,
-        distance_later_m=distance,
-        speed_later_mps=speed,
-    )
-
-
 def _time_at(t: Array, progress: Array, s: float) -> float:
     """When the progress first reached `s`, interpolated."""
     k = int(np.searchsorted(progress, s, side="left"))
@@ -328,5 +255,6 @@ def _time_at(t: Array, progress: Array, s: float) -> float:
     return float(t[k - 1] + share * (t[k] - t[k - 1]))
 
 
-def _or_none(value: float) -> float | None:
+def or_none(value: float) -> float | None:
+    """A figure of a summary, which has no NaN and no infinity."""
     return value if math.isfinite(value) else None
