@@ -101,6 +101,7 @@ put_files() {
         put 644 "$deploy/modules-load.d/ugv-jetson.conf" /etc/modules-load.d/ugv-jetson.conf
     fi
     put 644 "$deploy/sysusers.d/ugv.conf" /etc/sysusers.d/ugv.conf
+    put 644 "$deploy/udev/70-ugv.rules" /etc/udev/rules.d/70-ugv.rules
     put 644 "$deploy/limits.d/90-ugv.conf" /etc/security/limits.d/90-ugv.conf
     put 644 "$deploy/README.md" $opt/README.md
     put 644 "$sources/constraints.txt" $opt/constraints.txt
@@ -108,6 +109,13 @@ put_files() {
         put 644 "$file" "$opt/examples/$(basename "$file")"
     done
     put 755 "$deploy/uninstall.sh" $opt/uninstall.sh
+}
+
+# The group is new, so the rule about its device has to be looked at again.
+apply_rules() {
+    command -v udevadm > /dev/null && [ -S /run/udev/control ] || return 0
+    udevadm control --reload
+    udevadm trigger --name-match=cpu_dma_latency
 }
 
 put_environment() {
@@ -178,6 +186,7 @@ if [ -n "$destdir" ]; then
 fi
 
 systemd-sysusers ugv.conf
+apply_rules
 put_environment
 [ $warm_up = no ] || compile_loops
 systemctl daemon-reload

@@ -81,6 +81,7 @@ def _of_the_kernel(config: RobotConfig | None) -> Iterator[Finding]:
     yield scheduling.check_memory(own, unit)
     yield scheduling.check_throttling(*scheduling.read_throttling())
     yield scheduling.check_preemption(scheduling.read_preemption())
+    yield scheduling.check_request((unit or own).whose, scheduling.may_request(unit))
     yield scheduling.check_governors(scheduling.read_governors())
     yield scheduling.check_processors(os.sched_getaffinity(0), wanted)
     yield clocks.check_source(clocks.read_source(), clocks.read_resolution_s())

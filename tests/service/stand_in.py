@@ -10,7 +10,7 @@ import sys
 import threading
 from pathlib import Path
 
-from runtime.executors.linux import lock_memory, run_first
+from runtime.executors.linux import LATENCY_REQUEST, lock_memory, run_first
 
 PROBE = "/run/ugv/probe.sock"
 WRITABLE = ("/run/ugv", "/var/cache/ugv", "/var/log/ugv", "/opt/ugv", "/etc/ugv", "/var/lib", "/usr", "/run", "/home")
@@ -50,6 +50,7 @@ def facts(process: str) -> dict:
         "capabilities": int(status["CapEff"], 16) | int(status["CapBnd"], 16),
         "fifo": [priority for priority in (20, 40, 60, 80, 90, 91) if not in_a_thread(run_first, priority)],
         "memory": lock_memory(),
+        "device": LATENCY_REQUEST.exists(),
         "cores": resource.getrlimit(resource.RLIMIT_CORE)[0],
         "families": [name for name in FAMILIES if allowed(lambda name=name: open_socket(name))],
         "writable": [place for place in WRITABLE if allowed(lambda place=place: touch(place))],

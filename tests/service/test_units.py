@@ -127,6 +127,12 @@ def test_each_process_may_do_what_it_needs_and_nothing_else(running):
         "link": ["AF_UNIX", "AF_INET", "AF_INET6", "AF_NETLINK"],
         "recorder": ["AF_UNIX"],
     }
+    has_device = Path("/dev/cpu_dma_latency").exists()
+    assert {name: facts["device"] for name, facts in running.items()} == {
+        "control": has_device,
+        "link": False,
+        "recorder": False,
+    }
     shared = ["/run/ugv", "/var/cache/ugv"]
     assert {name: facts["writable"] for name, facts in running.items()} == {
         "control": shared,

@@ -3,19 +3,22 @@
 
 from __future__ import annotations
 
+import grp
 import os
 import platform
 import resource
+import stat
 import subprocess
 import threading
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
 from runtime.cli.fitness.finding import Finding, fail, ok, warn
-from runtime.executors.linux import run_first
+from runtime.executors.linux import LATENCY_REQUEST, run_first
 
-UNIT = "ugv-control.service"
+UNIT, GROUP = "ugv-control.service", "ugv"
 LIMITS = "add yourself to the group ugv and log in again, or run the robot by its units, which have limits of their own"
 FEW_PROCESSORS = 4
 THROTTLED_SHARE = 0.9
@@ -155,6 +158,33 @@ def check_governors(governors: Collection[str]) -> Finding:
             "cpupower frequency-set -g performance (on a Jetson: nvpmodel -m 0, then jetson_clocks)",
         )
     return ok("processor clock", "constant" if governors else "not changed by the kernel")
+
+
+def may_request(unit: Limits | None, request: Path = LATENCY_REQUEST) -> bool | None:
+    """Whether the unit, or without one this process, may say how soon processors must wake; None if nobody can."""
+    try:
+        status = request.stat()
+    except OSError:
+        return None
+    if unit is None:
+        return os.access(request, os.W_OK)
+    with suppress(KeyError):
+        return bool(status.st_mode & stat.S_IWGRP) and grp.getgrgid(status.st_gid).gr_name == GROUP
+    return False
+
+
+def check_request(whose: str, granted: bool | None) -> Finding:
+    """Control may keep processors from sleeping so deeply that they wake late."""
+    name = "idle processors"
+    if granted is None:
+        return ok(name, f"this kernel takes no request about them: there is no {LATENCY_REQUEST}")
+    if granted:
+        return ok(name, f"{whose} may keep them from sleeping deeply")
+    return warn(
+        name,
+        f"{whose} may not write to {LATENCY_REQUEST}, so they sleep deeply between ticks, and wake late",
+        "udevadm control --reload; udevadm trigger --name-match=cpu_dma_latency (the installer brings the rule for it)",
+    )
 
 
 def check_processors(online: Collection[int], wanted: Sequence[int]) -> Finding:

@@ -69,6 +69,29 @@ def test_changing_clock_rates_are_a_warning(governors, verdict):
     assert scheduling.check_governors(governors).verdict is verdict
 
 
+def test_who_may_keep_processors_awake(tmp_path):
+    request = tmp_path / "cpu_dma_latency"
+    assert scheduling.may_request(None, request) is None
+    request.touch()
+    assert scheduling.may_request(None, request)
+    assert scheduling.may_request(UNIT, request) is False, "it belongs to another group"
+
+
+@pytest.mark.parametrize(
+    ("granted", "verdict", "part"),
+    [
+        (True, Verdict.OK, "ugv-control.service may keep them from sleeping deeply"),
+        (False, Verdict.WARN, "ugv-control.service may not write to /dev/cpu_dma_latency"),
+        (None, Verdict.OK, "takes no request"),
+    ],
+)
+def test_processors_that_sleep_deeply_are_a_warning(granted, verdict, part):
+    finding = scheduling.check_request(UNIT.whose, granted)
+    assert finding.verdict is verdict
+    assert part in finding.sentence
+    assert bool(finding.remedy) == (verdict is Verdict.WARN)
+
+
 @pytest.mark.parametrize(
     ("online", "wanted", "verdict"),
     [
