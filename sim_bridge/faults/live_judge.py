@@ -74,7 +74,8 @@ def judged(episode: Episode, logs: LiveLogs, config: Uslgo1Config) -> Verdict:
         *_abused(episode, logs, times, config),
         *_missing_log(episode, logs),
     ]
-    oldest_ns = oldest_command_ns(episode.frames, logs.between(topics.CAN_SENT, at_ns - WHOLE_NS, until_ns))
+    arrived = while_recorded(episode.frames, logs.ticks(at_ns - WHOLE_NS, until_ns))
+    oldest_ns = oldest_command_ns(arrived, logs.between(topics.CAN_SENT, at_ns - WHOLE_NS, until_ns))
     if oldest_ns > config.drives.command_age_max_ns + COMES_WITHIN_NS and "sim" not in row.holds_up:
         flaws.append(f"a command of {oldest_ns * 1e-6:.1f} ms reached a drive")
     return Verdict(
@@ -201,6 +202,15 @@ def moved_unarmed(logs: LiveLogs) -> list[str]:
         if mode not in (Mode.OFF, Mode.STANDBY):
             found.append(f"control began in {mode.name}")
     return found
+
+
+def while_recorded(frames: Frames, ticks: npt.NDArray[Any]) -> Frames:
+    """Those that did not arrive while ticks were lost: what was sent then is not known."""
+    keep = np.ones(len(frames.arrival_ns), np.bool_)
+    for row in np.flatnonzero(np.diff(ticks["index"]) > 1 + ticks["skipped"][1:]):
+        begin_ns, end_ns = ticks["now_ns"][row : row + 2]
+        keep &= (frames.arrival_ns <= begin_ns) | (frames.arrival_ns > end_ns + COMES_WITHIN_NS)
+    return Frames(*(values[keep] for values in frames))
 
 
 def oldest_command_ns(frames: Frames, sent: Signal) -> int:

@@ -10,7 +10,7 @@ from runtime.recording.stalls import Stall
 from runtime.robots import load_configuration, topics
 from runtime.robots.uslgo1.assembly import assemble
 from runtime.signals import Fault, Mode
-from sim_bridge.faults.live_judge import judged, moved_unarmed, oldest_command_ns
+from sim_bridge.faults.live_judge import judged, moved_unarmed, oldest_command_ns, while_recorded
 from sim_bridge.faults.live_logs import FAST, LiveLogs
 from sim_bridge.faults.live_session import Episode, Frames
 from sim_bridge.faults.live_table import LIVE_ROWS
@@ -152,6 +152,14 @@ def test_the_age_of_a_command_is_that_of_the_newest_with_its_bytes():
     assert oldest(15, 0, 1) == 5
     assert oldest(40, 1, 1) == 10
     assert oldest(40, 0, 9) == 0, "of what is not in the log nothing is known"
+
+
+def test_of_frames_that_arrive_while_ticks_are_lost_nothing_is_known():
+    ticks = np.zeros(4, tick_record(LOOPS[0]).dtype)
+    ticks["index"], ticks["skipped"], ticks["now_ns"] = [1, 2, 10, 14], [0, 0, 0, 3], np.array([2, 4, 20, 28]) * MS
+    arrivals = np.array([3, 4, 5, 20, 30, 31]) * MS
+    frames = Frames(arrivals, np.zeros(6, np.uint8), np.zeros((6, 16), np.uint8))
+    assert while_recorded(frames, ticks).arrival_ns.tolist() == [3 * MS, 4 * MS, 31 * MS]
 
 
 def test_logs_of_several_bags_are_one(tmp_path):
