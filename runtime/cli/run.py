@@ -82,7 +82,7 @@ def _control(options: argparse.Namespace) -> int:
     config = _configuration(options)
     _make_meeting_place(options)
     rehearse(config)
-    refused = control(
+    control(
         assembled(config),
         config.drives.interface,
         config.drives.channels,
@@ -91,9 +91,8 @@ def _control(options: argparse.Namespace) -> int:
         config.realtime.control_processors,
         config.realtime.control_switch_interval_us,
         config.realtime.exit_latency_max_us,
+        lambda sentence: print(f"ugv control: {sentence}", file=sys.stderr, flush=True),
     )
-    for sentence in refused:
-        print(f"ugv run: {sentence}", file=sys.stderr)
     return 0
 
 

@@ -7,7 +7,7 @@ Nothing else lives in it: the loops' threads, and a main thread that sleeps unti
 from __future__ import annotations
 
 import signal
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 from drivers.bus_health import BusMonitor
@@ -38,7 +38,8 @@ def control(
     processors: Collection[int] = (),
     switch_interval_us: int = SWITCH_INTERVAL_US,
     exit_latency_us: int = EXIT_LATENCY_US,
-) -> list[str]:
+    say: Callable[[str], None] = lambda sentence: None,
+) -> None:
     """Run a robot until SIGTERM or SIGINT.
 
     Args:
@@ -50,9 +51,7 @@ def control(
         processors: that the loops may run on; none for all.
         switch_interval_us: see `RealTime`.
         exit_latency_us: likewise.
-
-    Returns:
-        What the system did not grant, as sentences.
+        say: likewise.
 
     Raises:
         DriverConfigError: if a bus cannot be opened.
@@ -76,6 +75,7 @@ def control(
             switch_interval_us=switch_interval_us,
             liveness=Liveness(Notifier()),
             exit_latency_us=exit_latency_us,
+            say=say,
         )
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: executor.stop())
@@ -83,4 +83,3 @@ def control(
     finally:
         for bus in buses:
             bus.close()
-    return executor.refused

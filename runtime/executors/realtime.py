@@ -14,7 +14,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 
 from runtime.executors.collector import collector_paused
@@ -49,10 +49,10 @@ class RealTime:
         switch_interval_us: how long the first loop, once woken, waits for the interpreter if another loop has it.
         liveness: told of each tick of the first loop.
         exit_latency_us: how long a processor may take to leave its idle state.
+        say: told, in a sentence each, what the system did not grant, as soon as that is known.
 
     Attributes:
         manifest: of the datagrams.
-        refused: what the system did not grant, as sentences, once `run` has begun.
     """
 
     def __init__(
@@ -66,16 +66,17 @@ class RealTime:
         switch_interval_us: int = SWITCH_INTERVAL_US,
         liveness: Liveness | None = None,
         exit_latency_us: int = EXIT_LATENCY_US,
+        say: Callable[[str], None] = lambda sentence: None,
     ) -> None:
         self.manifest = manifest_of(tuple(loops))
         self._runs = connected(loops, self.manifest, key_frame_ns, input_ports, sink)
         self._fast = self._runs[0]
         self._output_ports, self._processors = output_ports, frozenset(processors)
         self._switch_interval_us, self._liveness = switch_interval_us, liveness
-        self._exit_latency_us = exit_latency_us
+        self._exit_latency_us, self._say = exit_latency_us, say
         self._stop = threading.Event()
         self._failures: list[BaseException] = []
-        self.refused: list[str] = []
+        self._refused: set[str] = set()
 
     def stop(self) -> None:
         """Let every loop end after its present step; may be called from any thread, a port or a signal handler."""
@@ -115,8 +116,9 @@ class RealTime:
         return start_ns if run is self._fast else start_ns + self._fast.loop.period_ns // 2
 
     def _note(self, refusal: str) -> None:
-        if refusal and refusal not in self.refused:
-            self.refused.append(refusal)
+        if refusal and refusal not in self._refused:
+            self._refused.add(refusal)
+            self._say(refusal)
 
     def _guarded(self, run: LoopRun, start_ns: int) -> None:
         signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))

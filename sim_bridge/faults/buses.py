@@ -4,17 +4,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from drivers.can_frame import CAN_ERR_FLAG, make_frames
+from drivers.can_frame import CAN_ERR_FLAG, Frames, make_frames
 from drivers.memory_bus import End
 from runtime.robots import topics
 from sim_bridge.faults.wires import Wires
 
-BUS_OFF = 0x040
-"""Class of an error frame: linux/can/error.h."""
+BUS_OFF, RESTARTED = 0x040, 0x100
+"""Classes of error frames: linux/can/error.h."""
 _POSITION_BYTES, _EFFORT_BYTES, _TEMPERATURE_BYTE, _ERROR_BYTE = (9, 10), (12, 13), 14, 15
 """Of a reply of eight bytes, within its `struct can_frame`."""
 
@@ -98,15 +99,20 @@ def bus_down(wires: Wires, begin_ns: int, end_ns: int) -> None:
 
 
 def bus_off(wires: Wires, begin_ns: int, end_ns: int) -> None:
-    """A bus's controller reports that it has switched itself off; nothing passes any more."""
-    bus, report = _a_bus(wires), make_frames([CAN_ERR_FLAG | BUS_OFF], 8)
+    """A bus's controller reports that it has switched itself off; nothing passes until it reports that it is back."""
+    bus = _a_bus(wires)
+    reports = [make_frames([CAN_ERR_FLAG | what], 8) for what in (BUS_OFF, RESTARTED)]
 
     def change(sender: End, on_bus: int, arrival_ns: int, frame: bytearray) -> bool:
-        is_report = frame == report.tobytes()
+        is_report = frame in [report.tobytes() for report in reports]
         return is_report or on_bus != bus or not begin_ns <= arrival_ns < end_ns
 
+    def tell(report: Frames, at_ns: int) -> None:
+        wires.bus.send(End.DEVICE, np.full(1, bus, np.uint8), report, at_ns)
+
     wires.tamper(change)
-    wires.once(begin_ns, lambda: wires.bus.send(End.DEVICE, np.full(1, bus, np.uint8), report, begin_ns))
+    for report, at_ns in zip(reports, (begin_ns, end_ns), strict=True):
+        wires.once(at_ns, partial(tell, report, at_ns))
 
 
 def bus_flooded(wires: Wires, begin_ns: int, end_ns: int) -> None:

@@ -29,6 +29,8 @@ COMES_WITHIN_NS = 10_000_000
 """A command that drives hold is replaced by then, if any comes."""
 RETURNED_NS = 300_000_000
 """Before the end of a trial, by when ticks must be recorded again."""
+BEYOND_LIMITS, TOO_STRONG = "a joint passed its limits", "a torque beyond its limit was commanded"
+INEXCUSABLE = {BEYOND_LIMITS, TOO_STRONG}
 _POWERED = (Mode.STANDING, Mode.ACTIVE)
 
 
@@ -55,8 +57,8 @@ class Verdict(NamedTuple):
 
     @property
     def shows_nothing(self) -> bool:
-        """Whether the machine stalled, and that may be why it is not as it is to be."""
-        return bool(self.flaws) and self.stall_ms > 0.0
+        """Whether the machine stalled, and that may be why it is not as it is to be; no stall excuses abused joints."""
+        return bool(self.flaws) and self.stall_ms > 0.0 and not set(self.flaws) & INEXCUSABLE
 
 
 def judged(episode: Episode, logs: LiveLogs, config: Uslgo1Config) -> Verdict:
@@ -158,12 +160,12 @@ def _abused(episode: Episode, logs: LiveLogs, times: dict[str, int], config: Usl
     """Joints and torques beyond their limits, falls, and drives that did not let go."""
     found = []
     if not episode.joints_kept:
-        found.append("a joint passed its limits")
+        found.append(BEYOND_LIMITS)
     if episode.fell:
         found.append("it fell before it was damped")
     commands = logs.between(topics.JOINT_COMMAND_SAFE, episode.at_ns, episode.until_ns).values
     if np.abs(commands["effort"]).max(initial=0.0) > config.safety.effort_max_nm:
-        found.append("a torque beyond its limit was commanded")
+        found.append(TOO_STRONG)
     if "damp" in times and episode.released_ns is None:
         found.append("the drives never let go")
     return found

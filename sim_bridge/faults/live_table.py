@@ -21,18 +21,23 @@ from sim_bridge.faults.table import (
     MS,
     PAUSE,
     ROWS,
+    SKIPPED,
     WALK_ON,
     Bound,
     at_once,
     crouched,
     imu_stale,
     lease_over,
+    plan_given_up,
+    plan_missing,
     stood,
 )
 from sim_bridge.faults.wires import FOREVER_NS, Inject, Wires
 
 CARRIED_NS = 30 * MS
 """What the way through link and simulator may take, each with a period of 10 ms, beside the bound of virtual time."""
+BUS_BACK_NS = 300 * MS
+"""After so long a bus that was lost is back, so that the robot can be reset."""
 LINGER_NS = 500 * MS
 """How long to go on watching after the last answer is due."""
 REJECTED_MESSAGES = (STATUS, "rejected")
@@ -131,12 +136,20 @@ LIVE_ROWS = (
     on_the_wires("a reply missing"),
     on_the_wires("replies missing"),
     on_the_wires("bus down"),
+    on_the_wires("bus-off", lasts_ns=BUS_BACK_NS),
+    on_the_wires("bus flooded", lasts_ns=BUS_BACK_NS),
     on_the_wires("malformed frames"),
+    on_the_wires("motor fault"),
+    on_the_wires("over-temperature"),
+    on_the_wires("torque saturated"),
+    on_the_wires("leg out of range"),
     on_the_wires("under-voltage"),
     on_the_wires("IMU silent"),
     on_the_wires("IMU frozen"),
     on_the_wires("IMU NaN", fault=Fault.STALE_IMU, counted=REJECTED_MESSAGES),
     on_the_wires("IMU NaN once", lasts_ns=4 * MS, fault=Fault.NONE, counted=REJECTED_MESSAGES),
+    on_the_wires("IMU spiking"),
+    on_the_wires("IMU time backwards", fault=Fault.STALE_IMU, counted=REJECTED_MESSAGES),
     LiveRow(
         "IMU's clock a second ahead",
         CROUCH,
@@ -147,6 +160,35 @@ LIVE_ROWS = (
     ),
     on_the_wires("localisation silent"),
     on_the_wires("localisation jumps"),
+    on_the_wires("localisation moved"),
+    LiveRow(
+        "WBC held for 8 ms",
+        WALK_ON,
+        act=stage.loop_held_for("wbc", 0.008),
+        lasts_ns=500 * MS,
+        counted=SKIPPED,
+        holds_up=("wbc", "mpc"),
+    ),
+    LiveRow(
+        "MPC held for 400 ms",
+        PAUSE,
+        carried(plan_missing),
+        act=stage.loop_held("mpc"),
+        mend=stage.released,
+        lasts_ns=400 * MS,
+        after_ns=2000 * MS,
+        fault=Fault.STALE_FORCES,
+        holds_up=("mpc",),
+    ),
+    LiveRow(
+        "MPC hung",
+        ("stand", "damp"),
+        carried(plan_given_up),
+        act=stage.loop_held("mpc"),
+        mend=stage.released,
+        fault=Fault.STALE_FORCES | Fault.NO_FORCES,
+        holds_up=("mpc",),
+    ),
     on_the_wires("operator silent"),
     on_the_wires("lease released"),
     on_the_wires("emergency stop"),
@@ -247,6 +289,7 @@ LIVE_ROWS = (
         mend=stage.logs_back,
         lasts_ns=2000 * MS,
         after_ns=2500 * MS,
+        recorder=lambda status: status.failed > 0,
         breaks_log=True,
     ),
     LiveRow(
@@ -271,4 +314,5 @@ LIVE_ROWS = (
         holds_up=("wbc", "mpc", "link", "sim"),
         breaks_log=True,
     ),
+    on_the_wires("rolled over"),  # the last, since it does not get up again
 )

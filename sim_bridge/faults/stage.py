@@ -18,6 +18,7 @@ from runtime.messages import definitions
 from runtime.messages.keys import DEFAULT_QUALITY
 from runtime.messages.session import RosSession, session_config
 from runtime.robots.uslgo1.config import Uslgo1Config
+from sim_bridge.faults.held_thread import held, thread_of
 from sim_bridge.faults.relay import Relay
 from sim_bridge.ros_outlet import TYPES
 
@@ -104,6 +105,32 @@ def started_again(name: str) -> Act:
         stage.live.restart(name)
 
     return act
+
+
+def loop_held(name: str) -> Act:
+    """A loop of control stands still until the fault ends."""
+
+    def act(stage: Stage) -> None:
+        stage.held.enter_context(held(_loop(stage, name)))
+
+    return act
+
+
+def loop_held_for(name: str, duration_s: float) -> Act:
+    """A loop of control stands still for a moment."""
+
+    def act(stage: Stage) -> None:
+        with held(_loop(stage, name)):
+            time.sleep(duration_s)
+
+    return act
+
+
+def _loop(stage: Stage, name: str) -> int:
+    """The thread of a loop."""
+    loops = stage.config.loops
+    priority = {"wbc": loops.wbc_priority, "mpc": loops.mpc_priority}[name]
+    return thread_of(stage.live.processes.pid("control"), priority)
 
 
 def partitioned(stage: Stage) -> None:

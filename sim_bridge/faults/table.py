@@ -187,7 +187,7 @@ ROWS = (
     Row("WBC stalls for 15 ms", late("wbc", 15 * MS), WALK_ON, at_once, 2 * MS, counted=SKIPPED),
     Row("rolled over", robot.rolled_over, DAMP, lambda config: 2 * NS_PER_SECOND, fault=Fault.TILT),
     Row("thrown over", robot.pushed_over, DAMP, lambda config: 2 * NS_PER_SECOND, forced=True),
-    Row("command not finite", robot.bad_command, DAMP, ticks(1), fault=Fault.NON_FINITE_COMMAND, replays=False),
+    Row("command not finite", robot.bad_command, DAMP, ticks(1), fault=Fault.NON_FINITE_COMMAND),
     Row(
         "operator silent",
         silent(topics.OPERATOR_EVENT),

@@ -6,24 +6,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from drivers.memory_ports import MemoryWriter
 from runtime.configuration import dump
 from runtime.executors.lockstep import Lockstep
-from runtime.executors.loop_run import OutputPort
 from runtime.recording.bag import BagSink
 from runtime.recording.setup import recording_setup
 from runtime.records import Record
 from runtime.robots import load_configuration, topics
-from runtime.robots.fresh_frames import FreshFrames
 from runtime.robots.robot import Robot
 from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.safety.limits import joint_bounds
 from runtime.signals import Fault, Gait, JointCommand, Mode, SafetyStatus
 from sim_bridge.courses import scenario
+from sim_bridge.faults.command_ages import CommandAges
 from sim_bridge.faults.wires import FOREVER_NS, Inject, Wires
 from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.run import NullSink, wire
@@ -49,7 +47,6 @@ class Row:
         counted: topic and field of what is to be counted.
         mended: called with the wires and the time at which the fault ends.
         forced: whether a force from outside may take the joints beyond their limits.
-        replays: whether all of the run can be replayed, the fault being outside of the tasks.
         settings: configuration that shows this answer.
     """
 
@@ -62,7 +59,6 @@ class Row:
     counted: tuple[str, str] | None = None
     mended: Callable[[Wires, int], None] | None = None
     forced: bool = False
-    replays: bool = True
     settings: dict[str, str] = field(default_factory=dict)
 
 
@@ -75,7 +71,7 @@ class Trial(NamedTuple):
         faults: bits that were seen.
         counted: by how much the count grew.
         joints_kept: whether position and torque of every joint stayed within their limits until the robot was damped.
-        oldest_ns: age of the oldest command that reached a bus.
+        oldest_ns: age of the oldest command when it reached a drive.
         damping_kept: whether no stiffness nor torque was commanded to a damped robot.
         fell: whether it fell before it was damped.
     """
@@ -135,13 +131,12 @@ def attempt(row: Row, seed: int, out: Path | None = None) -> Trial:
     robot, recorder = wired.robot, None
     if out is not None:
         recorder = _Recorder(out, recording_setup(robot.loops, robot.name, dump(config), seed, robot.joint_names))
-    gauge = _AgeGauge(MemoryWriter(wired.bus))
-    outlet = FreshFrames(gauge, config.drives.command_age_max_ns)
+    ages = CommandAges(wired.bus)
     watch = _Watch(row, config, wired.robot, wires, begin_ns)
     executor = Lockstep(
         wired.robot.loops,
         wired.inputs,
-        {topics.CAN_SENT: outlet},
+        {topics.CAN_SENT: ages.noted(wired.outputs[topics.CAN_SENT])},
         wired.world,
         recorder or NullSink(),
         delays=wires.delay,
@@ -150,24 +145,13 @@ def attempt(row: Row, seed: int, out: Path | None = None) -> Trial:
     executor.run(limit_ns, watch.over)
     if recorder is not None:
         recorder.close()
-    return watch.result(gauge.oldest_ns)
+    return watch.result(ages.oldest_ns)
 
 
 class _Recorder(BagSink):
     """Records in this process and drops nothing."""
 
     dropped = 0
-
-
-class _AgeGauge:
-    """An output port that notes the age of what passes."""
-
-    def __init__(self, port: OutputPort) -> None:
-        self._port, self.oldest_ns = port, 0
-
-    def write(self, record: Any, now_ns: int) -> None:
-        self.oldest_ns = max(self.oldest_ns, now_ns - record.stamp_ns)
-        self._port.write(record, now_ns)
 
 
 class _Watch:

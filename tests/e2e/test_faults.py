@@ -4,6 +4,7 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from runtime.recording.log import Log
@@ -19,8 +20,17 @@ PHASES = int(os.environ.get("UGV_FAULT_PHASES", "1"))
 
 @pytest.mark.parametrize("seed", range(PHASES))
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
-def test_a_fault_is_answered_in_time_within_the_joints_limits_and_without_a_stale_command(row: Row, seed: int) -> None:
-    assert flaws(row, attempt(row, seed), load_configuration("uslgo1", row.settings)) == []
+def test_a_fault_is_answered_in_time_within_the_joints_limits_and_without_a_stale_command_and_its_log_is_whole(
+    row: Row, seed: int, tmp_path: Path
+) -> None:
+    trial = attempt(row, seed, tmp_path / "log")
+    assert flaws(row, trial, load_configuration("uslgo1", row.settings)) == []
+    log = Log(tmp_path / "log")
+    assert not log.truncated
+    for topic in ("/ugv/tick/wbc", "/ugv/tick/mpc"):
+        ticks = log.read_signal(topic).values
+        assert ticks["index"][0] == 0
+        assert (np.diff(ticks["index"]) == 1 + ticks["skipped"][1:]).all()
 
 
 REPLAYED = ("replies missing", "IMU time backwards", "MPC hung", "WBC overruns, 5 in a row", "emergency stop")

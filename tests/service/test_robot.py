@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot's own processes under their units, with a simulated robot at the far end of the buses."""
 
-import ctypes
 import json
 import os
 import pwd
 import signal
 import subprocess
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -18,6 +16,7 @@ from runtime.executors.tick_stream import OBSERVER_SOCKET, TickListener
 from runtime.robots import load_configuration, topics
 from runtime.robots.uslgo1.assembly import assemble
 from runtime.signals import Mode
+from sim_bridge.faults.held_thread import WAIT_FOR_THREADS, held, thread_of
 from sim_bridge.tick_mirror import TickMirror
 
 RUNTIME, LOGS, CONFIGURATION = Path("/run/ugv"), Path("/var/log/ugv"), Path("/etc/ugv/uslgo1.toml")
@@ -29,12 +28,6 @@ AFTER_RESTART_S = 3
 ATTEMPTS, ATTEMPT_S = 30, 5
 TICKS_BESIDE = 10
 """Of the loop that goes on while another is stopped: a fifth of a second of the slow one."""
-
-PTRACE_CONT, PTRACE_DETACH, PTRACE_SEIZE, PTRACE_INTERRUPT = 7, 17, 0x4206, 0x4207
-WAIT_FOR_THREADS = 0x40000000
-CLOCK_NANOSLEEP = {"x86_64": 230, "aarch64": 115}[os.uname().machine]
-LIBC = ctypes.CDLL(None, use_errno=True)
-LIBC.ptrace.argtypes = (ctypes.c_long, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
 
 
 def systemctl(*arguments):
@@ -132,35 +125,6 @@ def robot(compiled, real_time_by_limits):
     watch.close()
 
 
-def ptrace(request, thread):
-    if LIBC.ptrace(request, thread, None, None) < 0:
-        raise OSError(ctypes.get_errno(), "ptrace, which in a container takes CAP_SYS_PTRACE")
-
-
-def thread_of(process, priority):
-    """The one thread of a process that has a priority."""
-    threads = [int(task.name) for task in Path(f"/proc/{process}/task").iterdir()]
-    (found,) = [thread for thread in threads if os.sched_getparam(thread).sched_priority == priority]
-    return found
-
-
-@contextmanager
-def stopped(thread):
-    """A thread stands still while the others of its process go on; stopped in its sleep, where it holds nothing."""
-    ptrace(PTRACE_SEIZE, thread)
-    try:
-        while True:
-            ptrace(PTRACE_INTERRUPT, thread)
-            os.waitpid(thread, WAIT_FOR_THREADS)
-            if Path(f"/proc/{thread}/syscall").read_text().split()[0] == str(CLOCK_NANOSLEEP):
-                break
-            ptrace(PTRACE_CONT, thread)
-        yield
-    finally:
-        if Path(f"/proc/{thread}").exists():
-            ptrace(PTRACE_DETACH, thread)
-
-
 def test_the_host_is_found_unfit_without_can_and_fit_otherwise(compiled):
     done = subprocess.run(
         [UGV, "doctor", "uslgo1", "--config", CONFIGURATION, "--json"], capture_output=True, text=True, check=False
@@ -210,7 +174,7 @@ def test_control_is_killed_and_comes_back_in_standby_if_only_one_of_its_loops_st
     simulator.send_signal(signal.SIGUSR1)
     killed = main_pid("ugv-control.service")
     thread = thread_of(killed, getattr(load_configuration(str(CONFIGURATION)).loops, f"{loop}_priority"))
-    with stopped(thread):
+    with held(thread):
         stopped_ns = time.monotonic_ns()
         watch.until(lambda mode: watch.tick(other).now_ns > stopped_ns)
         last, beside = watch.tick(loop).index, watch.tick(other).index + TICKS_BESIDE

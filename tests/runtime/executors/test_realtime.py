@@ -67,7 +67,7 @@ class Outside:
             self.sent.append((arguments[0].value, arguments[1]))
 
 
-def run(steps=60, fast_work=lambda step: None, slow_work=lambda step: None, outside=None):
+def run(steps=60, fast_work=lambda step: None, slow_work=lambda step: None, outside=None, say=lambda sentence: None):
     """Run until the fast loop has made so many steps; gives tasks, outside, and the ticks of each loop."""
     outside = outside or Outside()
 
@@ -83,7 +83,7 @@ def run(steps=60, fast_work=lambda step: None, slow_work=lambda step: None, outs
         Loop("fast", 2 * MS, 1 * MS, 80, (sensor,), (a.input,), (Scheduled(a),), (a.output,), (farewell,)),
         Loop("slow", 10 * MS, 6 * MS, 60, (), (b.input,), (Scheduled(b),), ()),
     )
-    executor = RealTime(loops, {"/sensor": outside}, {"/a": outside}, outside)
+    executor = RealTime(loops, {"/sensor": outside}, {"/a": outside}, outside, say=say)
     executor.run()
     numbers = {channel.number: channel.record.topic for channel in executor.manifest.channels}
     ticks = {"/ugv/tick/fast": [], "/ugv/tick/slow": []}
@@ -136,6 +136,14 @@ def test_the_fast_loop_waits_shortly_for_the_interpreter_and_keeps_it_while_it_c
     assert asleep == pytest.approx([SWITCH_INTERVAL_US * 1e-6] * len(asleep))
     assert at_work == pytest.approx([KEPT_US * 1e-6] * 60)
     assert sys.getswitchinterval() == before
+
+
+def test_what_is_not_granted_is_said_once_and_before_the_first_step(monkeypatch):
+    said, before = [], []
+    monkeypatch.setattr(realtime, "run_first", lambda priority: "no SCHED_FIFO here")
+    run(fast_work=lambda step: before.append(tuple(said)), say=said.append)
+    assert said.count("no SCHED_FIFO here") == 1
+    assert "no SCHED_FIFO here" in before[0]
 
 
 def test_a_stalled_loop_skips_whole_periods_and_counts_them():

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One thread of a process is made to stand still while the others go on."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+_CONT, _DETACH, _SEIZE, _INTERRUPT = 7, 17, 0x4206, 0x4207
+"""Requests of ptrace(2)."""
+WAIT_FOR_THREADS = 0x40000000
+"""Option of waitpid(2): also for threads that are no children."""
+_CLOCK_NANOSLEEP = {"x86_64": "230", "aarch64": "115"}[os.uname().machine]
+_LIBC = ctypes.CDLL(None, use_errno=True)
+_LIBC.ptrace.argtypes = (ctypes.c_long, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
+
+
+def thread_of(process: int, priority: int) -> int:
+    """The one thread of a process that has a priority under SCHED_FIFO.
+
+    Raises:
+        ValueError: if there is none, or more than one.
+    """
+    threads = [int(task.name) for task in Path(f"/proc/{process}/task").iterdir()]
+    (found,) = [thread for thread in threads if os.sched_getparam(thread).sched_priority == priority]
+    return found
+
+
+@contextmanager
+def held(thread: int) -> Iterator[None]:
+    """A thread stands still, stopped in its sleep, where it holds nothing that others want.
+
+    Raises:
+        OSError: if that is not allowed.
+    """
+    _ptrace(_SEIZE, thread)
+    try:
+        while True:
+            _ptrace(_INTERRUPT, thread)
+            os.waitpid(thread, WAIT_FOR_THREADS)
+            if Path(f"/proc/{thread}/syscall").read_text().split()[0] == _CLOCK_NANOSLEEP:
+                break
+            _ptrace(_CONT, thread)
+        yield
+    finally:
+        if Path(f"/proc/{thread}").exists():
+            _ptrace(_DETACH, thread)
+
+
+def _ptrace(request: int, thread: int) -> None:
+    if _LIBC.ptrace(request, thread, None, None) < 0:
+        raise OSError(ctypes.get_errno(), "ptrace, which in a container takes CAP_SYS_PTRACE")
