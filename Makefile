@@ -9,6 +9,7 @@ GUEST_ARGS ?=
 SERVICE_ARGS ?=
 CLAIMS_ARGS ?=
 FAULTS_ARGS ?=
+KILLS_ARGS ?=
 FUZZ_S ?= 20
 ROBOT ?= uslgo1
 SCENARIO_uslgo1 := circle-6cm
