@@ -10,7 +10,7 @@ from runtime.recording.stalls import Stall
 from runtime.robots import load_configuration, topics
 from runtime.robots.uslgo1.assembly import assemble
 from runtime.signals import Fault, Mode
-from sim_bridge.faults.live_judge import judged, moved_unarmed, oldest_command_ns, while_recorded
+from sim_bridge.faults.live_judge import INEXCUSABLE, judged, moved_unarmed, oldest_command_ns, while_recorded
 from sim_bridge.faults.live_logs import FAST, LiveLogs
 from sim_bridge.faults.live_session import Episode, Frames
 from sim_bridge.faults.live_table import LIVE_ROWS
@@ -98,7 +98,7 @@ def test_what_is_not_as_it_is_to_be_is_said_and_shows_nothing_only_beside_a_stal
     assert not verdict.shows_nothing
     story.stalls = [Stall("sim", AT_NS, 20 * MS)]
     verdict = judged(episode, story, CONFIG)
-    assert verdict.shows_nothing
+    assert verdict.shows_nothing is (flaw not in INEXCUSABLE)
     assert verdict.stall_ms == 20.0
     story.stalls = [Stall("sim", AT_NS - 900 * MS, 20 * MS)]
     assert not judged(episode, story, CONFIG).shows_nothing, "long before the fault"
