@@ -38,6 +38,7 @@ from runtime.signals import (
     LoopTiming,
     OperatorRequest,
     Posture,
+    Stance,
 )
 
 Array = npt.NDArray[np.float64]
@@ -97,7 +98,7 @@ def faults(
     found |= battery_faults(config, inputs.battery[0])
     found |= loop_faults(config, memory, inputs.timing[0], now_ns)
     found |= plan_faults(config, memory, inputs.gait[0], inputs.forces[0], inputs.body_command[0], now_ns)
-    found |= position_faults(config, memory, low, high, joints, powered)
+    found |= position_faults(config, memory, low, high, joints, inputs.posture[0].stance, powered)
     if powered:
         found |= operator_faults(config, inputs.operator[0], now_ns)
     if inputs.operator[0].emergency_stop:
@@ -164,19 +165,26 @@ def plan_faults(
 
 @compiled
 def position_faults(
-    config: SafetyConfig, memory: SafetyMemory, low: Array, high: Array, joints: JointState, powered: bool
+    config: SafetyConfig,
+    memory: SafetyMemory,
+    low: Array,
+    high: Array,
+    joints: JointState,
+    stance: int,
+    powered: bool,
 ) -> int:
     """A joint under power that is far beyond its limits, or at a position that is no number.
 
-    One that has sunk beyond them without power may come back, but not go further.
+    One that has sunk beyond them without power may come back, but not go further. While the robot gets up its weight
+    shifts from leg to leg: until then a joint may be where it lay.
     """
-    found = 0
+    found, gets_up = 0, stance == Stance.GATHERING or stance == Stance.RISING
     for joint in range(low.shape[0]):
         beyond = max(joints.position[joint] - high[joint], low[joint] - joints.position[joint])
         if not powered:
             memory.excess[joint] = max(beyond, 0.0)
         elif not beyond <= memory.excess[joint] + config.position_margin_rad:
             found = Fault.JOINT_POSITION.value
-        else:
+        elif not gets_up:
             memory.excess[joint] = min(memory.excess[joint], max(beyond, 0.0))
     return found

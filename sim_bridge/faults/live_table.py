@@ -33,6 +33,7 @@ from sim_bridge.faults.table import (
     stood,
 )
 from sim_bridge.faults.wires import FOREVER_NS, Inject, Wires
+from sim_bridge.live_world import LONGEST_LAG_NS
 
 CARRIED_NS = 30 * MS
 """What the way through link and simulator may take, each with a period of 10 ms, beside the bound of virtual time."""
@@ -98,8 +99,9 @@ def carried(bound: Bound) -> Bound:
 
 
 def drives_let_go(config: Uslgo1Config) -> int:
-    """Until drives that hear nothing damp by themselves."""
-    return config.simulation.command_timeout_ns + config.simulation.time_step_ns + config.loops.wbc_period_ns
+    """Until drives that hear nothing damp by themselves, in a world that may be a little late."""
+    in_time_ns = config.simulation.command_timeout_ns + config.simulation.time_step_ns + config.loops.wbc_period_ns
+    return in_time_ns + LONGEST_LAG_NS
 
 
 def on_the_wires(name: str, **changes: Any) -> LiveRow:

@@ -548,6 +548,23 @@ def test_a_joint_that_sank_beyond_its_limits_without_power_may_come_back_but_not
     assert Fault(rig.status.fault) == Fault.JOINT_POSITION
 
 
+@pytest.mark.parametrize("stance", [Stance.GATHERING, Stance.RISING])
+def test_while_the_robot_gets_up_a_sunken_joint_may_be_where_it_lay_and_no_longer(stance):
+    rig = Rig(Mode.STANDBY)
+    rig.posture.stance = Stance.RESTING
+    rig.joints.position[4] = rig.high[4] + 0.5
+    rig.step()
+    rig.posture.stance = stance
+    for beyond in (0.5, 0.0, 0.5, 0.1):
+        rig.joints.position[4] = rig.high[4] + beyond
+        assert rig.step().mode == Mode.STANDING
+    rig.posture.stance = Stance.STANDING
+    rig.step()
+    rig.joints.position[4] = rig.high[4] + 0.5
+    rig.step()
+    assert Fault(rig.status.fault) == Fault.JOINT_POSITION
+
+
 @pytest.mark.parametrize("beyond", [0.66, np.nan])
 def test_a_sunken_joint_that_goes_further_damps(beyond):
     rig = Rig(Mode.STANDBY)

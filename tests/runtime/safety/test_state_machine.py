@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every input in every state: 6 modes x 3 healths x armed x reset x 4 motions x 4 stances x walking."""
+"""Every input in every state: 6 modes x 3 healths x armed x reset x 4 motions x 5 stances x walking."""
 
 import itertools
 
@@ -28,7 +28,7 @@ TABLE = list(transitions())
 
 
 def test_the_table_is_complete():
-    assert len(TABLE) == 6 * 3 * 2 * 2 * 4 * 4 * 2
+    assert len(TABLE) == 6 * 3 * 2 * 2 * 4 * 5 * 2
     assert all(isinstance(after, Mode) for *_, after in TABLE)
 
 
