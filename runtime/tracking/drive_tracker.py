@@ -23,8 +23,9 @@ class DriveTracker(Task):
 
     A path is run from its start, to its goal, once: the same waypoints sent again only change the speed, and are run
     again only after a withdrawal. The vehicle slows to a stand, and goes on from there, when safety asks for it, when
-    it is not asked to drive, or when there is no path any more. While the estimate is not finite it is to stand. What
-    is steered from is the pose at which the wheels will answer.
+    it is not asked to drive, or when there is no path any more. A velocity that no path is driven with, sideways or
+    turning in place, comes to rest before a path is followed. While the estimate is not finite the vehicle is to stand.
+    What is steered from is the pose at which the wheels will answer.
 
     Args:
         config: parameters.
@@ -72,11 +73,11 @@ class DriveTracker(Task):
         command.clear()
         command.stamp_ns, command.rejected_paths = now_ns, memory.rejected_paths
         if pose is None:
-            memory.forward = memory.lateral = memory.yaw_rate = 0.0
+            self._move(REST, now_ns)
         elif self._request.steering == Steering.VELOCITY:
             wanted = wanted_velocity(self._request, now_ns, self._config.velocity, self._config.following.speed)
             self._roam(REST if self._halted else wanted, now_ns)
-        elif self._followed.line is None:
+        elif self._followed.line is None or self._off_arc:
             self._roam(REST, now_ns)
         else:
             self._follow(pose, now_ns)
@@ -102,9 +103,22 @@ class DriveTracker(Task):
         memory, following = self.state, self._config.following
         dt = (now_ns - memory.stamp_ns) * 1e-9 if memory.stamp_ns else 0.0
         present = PlanarVelocity(memory.forward, memory.lateral, memory.yaw_rate)
-        present = approached(present, wanted, following.speed, min(dt, following.longest_step_s))
-        memory.forward, memory.lateral, memory.yaw_rate = present
+        self._move(approached(present, wanted, following.speed, min(dt, following.longest_step_s)), now_ns)
         memory.manner = manner_of(wanted, memory.manner)
+
+    def _move(self, velocity: PlanarVelocity, now_ns: int) -> None:
+        """Ask for a velocity, and have the path's tracker know."""
+        memory = self.state
+        memory.forward, memory.lateral, memory.yaw_rate = velocity
+        memory.roaming = True
+        self._tracker.note(now_ns * 1e-9, velocity.forward, curvature_of(velocity))
+
+    @property
+    def _off_arc(self) -> bool:
+        """Whether a velocity is still asked for that no path is driven with."""
+        memory = self.state
+        turns = memory.yaw_rate != 0.0 and memory.manner != SteeringMode.ACKERMANN
+        return bool(memory.roaming) and (memory.lateral != 0.0 or turns)
 
     def _follow(self, pose: tuple[float, float, float], now_ns: int) -> None:
         """Follow the path."""
@@ -114,7 +128,7 @@ class DriveTracker(Task):
         wanted = self._tracker.step(now_ns * 1e-9, moving, memory.path_speed, self._delay.delay, self._halted)
         memory.forward, memory.lateral, memory.yaw_rate = wanted.speed, 0.0, wanted.yaw_rate
         memory.manner = SteeringMode.SPIN if wanted.turning else SteeringMode.ACKERMANN
-        memory.arrived, memory.progress = wanted.arrived, wanted.progress
+        memory.arrived, memory.progress, memory.roaming = wanted.arrived, wanted.progress, False
         _tell(wanted, command)
 
 
@@ -143,3 +157,13 @@ def manner_of(wanted: PlanarVelocity, present: int) -> int:
     if not lateral:
         return SteeringMode.ACKERMANN if forward else SteeringMode.SPIN
     return SteeringMode.FREE if yaw_rate else SteeringMode.CRAB
+
+
+def curvature_of(velocity: PlanarVelocity) -> float | None:
+    """Curvature, 1/m, that a velocity steers the wheels for; None at rest, where they stay as they are.
+
+    Sideways, or turning in place, front and rear wheels are not turned against each other as on an arc: that is none.
+    """
+    if velocity == REST:
+        return None
+    return velocity.yaw_rate / velocity.forward if velocity.forward else 0.0

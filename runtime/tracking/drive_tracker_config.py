@@ -36,6 +36,7 @@ class DriveTrackerMemory(FollowedPathMemory, SolveMemory):
 
     stamp_ns = int64("ns", "of the last step, 0 before the first")
     arrived = boolean()
+    roaming = boolean("the last command was not for the path")
     forward = float64("m/s", "last command")
     lateral = float64("m/s", "last command")
     yaw_rate = float64("rad/s", "last command")

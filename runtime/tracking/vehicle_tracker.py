@@ -68,8 +68,8 @@ class TrackState(NamedTuple):
         section: that is driven.
         backwards: 1 where it is driven so.
         progress: along the section, m; below 0 before its first step.
-        speed: last command, m/s, not negative.
-        curvature: last command, 1/m, for a driver who looks ahead.
+        forward: last command, m/s, negative backwards.
+        curvature: last command, 1/m.
         turning: 1 while turning in place.
         arrived: 1 at the goal.
     """
@@ -78,7 +78,7 @@ class TrackState(NamedTuple):
     section: float = 0.0
     backwards: float = 0.0
     progress: float = -1.0
-    speed: float = 0.0
+    forward: float = 0.0
     curvature: float = 0.0
     turning: float = 0.0
     arrived: float = 0.0
@@ -169,12 +169,25 @@ class VehicleTracker:
     def begin(self) -> None:
         """Begin the path anew; what was commanded is still remembered."""
         old = self._state
-        self._scalars[:] = TrackState(time_s=old.time_s, speed=old.speed, curvature=old.curvature)
+        self._scalars[:] = TrackState(time_s=old.time_s, forward=old.forward, curvature=old.curvature)
 
     def restart(self, speed: float) -> None:
         """Begin the path with a vehicle that rolls straight ahead at this speed, m/s, unasked."""
         self.forget()
-        self._scalars[:] = TrackState(speed=speed)
+        self._scalars[:] = TrackState(forward=speed)
+
+    def note(self, now_s: float, forward: float, curvature: float | None) -> None:
+        """Learn of a command that was not for the path, so that the way back to the path begins with it.
+
+        Args:
+            now_s: time, positive.
+            forward: m/s, negative backwards.
+            curvature: 1/m; None where the wheels hold their angles.
+        """
+        state = self._state
+        held = state.curvature if curvature is None else curvature
+        self._scalars[:] = state._replace(time_s=now_s, forward=forward, curvature=held, turning=0.0)
+        self._history.add(now_s, forward, self._config.answer.angle_of(held))
 
     @property
     def _state(self) -> TrackState:
@@ -198,6 +211,7 @@ class VehicleTracker:
         if state.progress < 0.0 and state.section == 0.0:
             state = state._replace(backwards=float(begins_backwards(self._sections[0], ahead.yaw)))
         state, path = self._present_section(state._replace(time_s=now_s), motion)
+        sign = -1.0 if state.backwards else 1.0
         seen = ahead.reversed() if state.backwards else ahead
         window = config.start_window_m if state.progress < 0.0 else config.search_window_m
         closest = path.closest(seen.x, seen.y, max(state.progress, 0.0), window, beyond_goal=True)
@@ -212,22 +226,21 @@ class VehicleTracker:
         stand = halted or turning or bool(state.arrived)
         wanted = 0.0 if stand else self._speed(path, pursuit.curvature, closest.progress, remaining, wanted_mps)
         limits = config.speed
-        speed = ramped(state.speed, wanted, limits.acceleration_mps2, limits.deceleration_mps2, dt)
+        speed = ramped(sign * state.forward, wanted, limits.acceleration_mps2, limits.deceleration_mps2, dt)
         if state.arrived:
             speed = 0.0
-        curvature = state.curvature
+        curvature = sign * state.curvature
         if not turning:
             curvature = config.answer.slewed(curvature, pursuit.curvature, dt or config.longest_step_s)
         spin = turning and speed == 0.0 and not halted
-        state = state._replace(speed=speed, curvature=curvature, turning=float(turning))
+        state = state._replace(forward=sign * speed, curvature=sign * curvature, turning=float(turning))
         self._scalars[:] = state
-        sign = -1.0 if state.backwards else 1.0
-        self._history.add(now_s, sign * speed, sign * config.answer.angle_of(curvature))
+        self._history.add(now_s, state.forward, config.answer.angle_of(state.curvature))
         before = sum(section.length for section in self._sections[: int(state.section)])
         after = sum(section.length for section in self._sections[int(state.section) + 1 :])
         return TrackCommand(
-            sign * speed,
-            sign * curvature,
+            state.forward,
+            state.curvature,
             turn_rate(-heading_error, config.turn) if spin else speed * curvature,
             spin,
             sign * pursuit.curvature,
@@ -259,7 +272,6 @@ class VehicleTracker:
                 section=float(section + 1),
                 backwards=1.0 - state.backwards,
                 progress=-1.0,
-                speed=0.0,
-                curvature=-state.curvature,
+                forward=0.0,
             )
         return state, self._sections[int(state.section)]

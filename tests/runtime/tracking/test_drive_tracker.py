@@ -64,6 +64,16 @@ class Vehicle:
         for _ in range(round(seconds / PERIOD_S)):
             self.step()
 
+    def ask(self, velocity, seconds):
+        """An operator who steers by velocity."""
+        self.request.steering = Steering.VELOCITY
+        for _ in range(round(seconds / PERIOD_S)):
+            self.request.velocity, self.request.velocity_ns = velocity, self.now_ns
+            self.step()
+
+    def withdraw(self):
+        self.path.stamp_ns, self.path.count = self.now_ns, 0
+
 
 def test_a_line_is_reached_from_the_side_and_run_to_its_end():
     vehicle = Vehicle(aside_m=1.5)
@@ -116,10 +126,7 @@ def test_a_velocity_is_followed_and_the_path_waits(velocity, manner):
     vehicle = Vehicle()
     vehicle.give(straight(12.0))
     vehicle.run(1.0)
-    vehicle.request.steering = Steering.VELOCITY
-    for _ in range(200):
-        vehicle.request.velocity, vehicle.request.velocity_ns = velocity, vehicle.now_ns
-        vehicle.step()
+    vehicle.ask(velocity, 4.0)
     limits = CONFIG.velocity
     wanted = (velocity[0], min(velocity[1], limits.lateral_mps), velocity[2])
     assert (*vehicle.command.velocity, vehicle.command.yaw_rate) == pytest.approx(wanted)
@@ -127,6 +134,64 @@ def test_a_velocity_is_followed_and_the_path_waits(velocity, manner):
     vehicle.run(2.0)  # nobody asks any more
     assert not vehicle.command.velocity.any()
     assert vehicle.command.manner == manner
+
+
+def smooth(vehicle, seconds):
+    """Step on; true if no command changed faster than the configured accelerations allow."""
+    limits, most = CONFIG.following.speed, PERIOD_S * (1.0 + 1e-9)
+    bounds = np.array([limits.deceleration_mps2, limits.deceleration_mps2, limits.yaw_acceleration_radps2]) * most
+    commands = [(*vehicle.command.velocity, vehicle.command.yaw_rate)]
+    for _ in range(round(seconds / PERIOD_S)):
+        vehicle.step()
+        commands.append((*vehicle.command.velocity, vehicle.command.yaw_rate))
+    return bool((np.abs(np.diff(commands, axis=0)) <= bounds).all())
+
+
+@pytest.mark.parametrize("stop", ["velocity", "withdrawal"])
+def test_after_a_stop_in_between_a_path_is_begun_from_a_stand(stop):
+    vehicle = Vehicle()
+    vehicle.give(straight(30.0))
+    vehicle.run(4.0)
+    assert vehicle.command.velocity[0] == pytest.approx(0.6)
+    if stop == "velocity":
+        vehicle.ask((0.0, 0.0, 0.0), 2.0)
+        vehicle.request.steering = Steering.PATH
+    else:
+        vehicle.withdraw()
+        vehicle.run(2.0)
+        vehicle.give(straight(30.0))
+    assert not vehicle.command.velocity.any()
+    vehicle.delay.delay = 0.5
+    assert smooth(vehicle, 0.02)
+    assert vehicle.command.predicted == pytest.approx((*vehicle.body.position[:2], vehicle.yaw), abs=1e-3)
+    assert smooth(vehicle, 2.0)
+    assert vehicle.command.velocity[0] == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize(
+    "velocity", [(0.9, 0.0, 0.1), (-0.5, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.5), (0.3, 0.1, 0.2)]
+)
+def test_from_any_velocity_a_path_is_taken_up_smoothly(velocity):
+    vehicle = Vehicle()
+    vehicle.ask(velocity, 3.0)
+    x, y, _ = vehicle.body.position
+    vehicle.give(straight(30.0, vehicle.yaw) + np.array([x, y]))
+    vehicle.request.steering = Steering.PATH
+    assert smooth(vehicle, 4.0)
+    assert vehicle.command.velocity == pytest.approx((0.6, 0.0), abs=1e-3)
+
+
+def test_the_delay_of_commands_by_velocity_is_reckoned_with_on_the_path():
+    vehicle = Vehicle()
+    vehicle.give(straight(30.0))
+    vehicle.ask((0.5, 0.0, 0.0), 3.0)
+    vehicle.request.steering = Steering.PATH
+    vehicle.delay.delay = 0.4
+    vehicle.body.velocity = 0.0, 0.0  # it has not answered yet
+    x = vehicle.body.position[0]
+    vehicle.task.step(vehicle.now_ns + round(PERIOD_S * 1e9))
+    starting_s = 0.5 / CONFIG.following.answer.acceleration_mps2
+    assert vehicle.command.predicted[0] - x == pytest.approx(0.5 * (0.4 - 0.5 * starting_s), abs=0.02)
 
 
 def test_at_rest_the_way_of_steering_stays():
