@@ -12,7 +12,7 @@ import numpy.typing as npt
 from runtime.recording.metrics import path_metrics
 from runtime.recording.push import push_recovery
 from runtime.recording.settling import settling, turn_in_place
-from runtime.tracking.paths import Polyline
+from runtime.tracking.sections import SectionedPath
 from sim_bridge.observer import Observer
 from sim_bridge.scenario import Scenario
 
@@ -36,7 +36,7 @@ def _figures(observer: Observer, course: Scenario) -> dict[str, Any]:
 
 
 def _along_path(t: Array, xy: Array, yaw: Array, observer: Observer, course: Scenario) -> dict[str, Any]:
-    path = Polyline(course.waypoints, course.closed)
+    path = SectionedPath(course.waypoints, course.closed)
     metrics = path_metrics(t, xy, yaw + _course_angle(course), path, course.time_limit_s, course.profile)
     outcome = metrics.summary(course.speed_mps)
     if course.push is not None:

@@ -13,6 +13,8 @@ import numpy as np
 
 from runtime.errors import unknown
 from runtime.tracking import bends, paths
+from runtime.tracking.sections import SectionedPath
+from runtime.tracking.waypoints import check_cusped_waypoints
 from sim_bridge import terrain
 from sim_bridge.ground_friction import FrictionPatch
 from sim_bridge.scenario import Scenario, UnknownScenarioError
@@ -40,9 +42,12 @@ def _drive(
     speed_mps: float = SPEED_MPS,
     extra_time_s: float = STARTING_AND_STOPPING_S,
 ) -> Scenario:
-    """A path to be followed, from a start at its beginning or aside of it, to the left, parallel to it."""
-    path = paths.Polyline(waypoints, closed)
-    yaw = path.heading(0.0)
+    """A path to be followed, from a start at its beginning or aside of it, to the left, parallel to it.
+
+    Where it turns back at cusps, the vehicle starts and stops once a section.
+    """
+    path = SectionedPath(waypoints, closed)
+    yaw = path.sections[0].heading(0.0)
     (x, y), extent = waypoints[0].tolist(), terrain.extent_of(waypoints, MARGIN_M)
     return Scenario(
         name=name,
@@ -52,7 +57,7 @@ def _drive(
         start_pose=(x - aside_m * math.sin(yaw), y + aside_m * math.cos(yaw), yaw),
         terrain=ground or (lambda seed: terrain.flat(extent)),
         profile=((0.0, 0.0), (path.length, 0.0)),
-        nominal_time_s=path.length / speed_mps + extra_time_s,
+        nominal_time_s=path.length / speed_mps + len(path.sections) * extra_time_s,
     )
 
 
@@ -77,6 +82,10 @@ def _slalom() -> Scenario:
 
 def _figure_eight() -> Scenario:
     return _drive("figure-eight", bends.figure_eight(), closed=True)
+
+
+def _three_point_turn() -> Scenario:
+    return _drive("three-point-turn", bends.three_point_turn())
 
 
 def _slope(name: str, angle_deg: float) -> Scenario:
@@ -143,6 +152,7 @@ _NAMED: dict[str, Callable[[], Scenario]] = {
     "s-curve": _s_curve,
     "figure-eight": _figure_eight,
     "slalom": _slalom,
+    "three-point-turn": _three_point_turn,
     "crab": partial(_asked, "crab", (0.0, 0.4, 0.0), 4.0),
     "diagonal": partial(_asked, "diagonal", (0.4, 0.4, 0.0), 5.0),
     "reverse": partial(_asked, "reverse", (-0.5, 0.0, 0.0), 5.0),
@@ -186,9 +196,9 @@ def scenario(name: str, seed: int = 0) -> Scenario:
 
 
 def custom(waypoints: paths.Waypoints) -> Scenario:
-    """A scenario on waypoints of one's own, on level ground.
+    """A scenario on waypoints of one's own, on level ground; where they turn back, the vehicle goes on backwards.
 
     Raises:
         PathError: if the waypoints are not a path.
     """
-    return _drive("custom", paths.check_waypoints(np.asarray(waypoints, dtype=np.float64)))
+    return _drive("custom", check_cusped_waypoints(np.asarray(waypoints, dtype=np.float64)))

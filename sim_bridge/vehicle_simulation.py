@@ -14,6 +14,7 @@ from runtime.robots.vehicle_4ws4wd.assembly import PATH_CAPACITY
 from runtime.robots.vehicle_4ws4wd.config import Vehicle4ws4wdConfig
 from runtime.signals import OperatorRequest, Steering
 from runtime.tracking.path_csv import read_path_csv
+from runtime.tracking.waypoints import check_cusped_waypoints
 from runtime.vehicle_signals import TwistCommand
 from sim_bridge.drive_script import ScriptedDriver
 from sim_bridge.scenario import Push, Scenario
@@ -37,7 +38,10 @@ class VehicleSimulation:
     def scenario(self, name: str, seed: int) -> Scenario:
         """The scenario of a name; the seed of `curve` counts through the shapes."""
         is_file = name.lower().endswith(".csv")
-        chosen = custom(read_path_csv(name, capacity=PATH_CAPACITY)) if is_file else scenario(name, seed)
+        if is_file:
+            chosen = custom(read_path_csv(name, capacity=PATH_CAPACITY, check=check_cusped_waypoints))
+        else:
+            chosen = scenario(name, seed)
         speed_mps = self._config.scenario.speed_mps
         followed = chosen.waypoints and chosen.velocity is None
         return chosen.with_speed(speed_mps) if speed_mps > 0.0 and followed else chosen

@@ -2,19 +2,22 @@
 """How well a path was followed: pure functions on arrays of the true pose.
 
 The error is the planar distance of the true trunk origin to the nearest point of the path, whose arc length only grows,
-averaged over time from first motion to completion (paper 000, eq 45-47).
+averaged over time from first motion to completion (paper 000, eq 45-47). On a path with cusps the nearest point is one
+of the section that is driven.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from runtime.recording.section_turns import section_starts
 from runtime.tracking.paths import Polyline
+from runtime.tracking.sections import SectionedPath
 
 Array = npt.NDArray[np.float64]
 
@@ -25,6 +28,8 @@ STOPPED_FOR_S = 0.5
 SPEED_MARGIN_M = 1.0
 SEARCH_WINDOW_M = 0.5
 
+AnyPath: TypeAlias = Polyline | SectionedPath
+
 
 @dataclass(frozen=True)
 class Projection:
@@ -34,7 +39,8 @@ class Projection:
         progress: arc length of the nearest path point, never falling, m.
         distance: to it, m.
         lateral_error: signed, positive with the path to the right, m.
-        heading_error: yaw minus heading of the path, rad in [-pi, pi].
+        heading_error: yaw minus heading of the path, rad in [-pi, pi]; on every second section, which is driven
+            backwards, minus the opposite of its heading.
     """
 
     progress: Array
@@ -101,15 +107,20 @@ class PathMetrics:
         }
 
 
-def project(x: Array, y: Array, yaw: Array, path: Polyline) -> Projection:
+def project(x: Array, y: Array, yaw: Array, path: AnyPath) -> Projection:
     """Find the nearest path point of each sample, in order."""
     count = len(x)
     progress, distance, lateral, heading = (np.empty(count) for _ in range(4))
-    s = 0.0
-    for k, (px, py) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
-        closest = path.closest(px, py, s, SEARCH_WINDOW_M)
-        s = closest.progress
-        progress[k], distance[k], lateral[k], heading[k] = s, closest.distance, closest.lateral_error, closest.heading
+    starts = section_starts(x, y, path.sections, SEARCH_WINDOW_M, GOAL_TOLERANCE_M, FIRST_MOTION_M)
+    gone = 0.0
+    for number, (section, begin, end) in enumerate(zip(path.sections, starts, [*starts[1:], count], strict=False)):
+        s = 0.0
+        for k in range(begin, end):
+            closest = section.closest(float(x[k]), float(y[k]), s, SEARCH_WINDOW_M)
+            s = closest.progress
+            progress[k], distance[k], lateral[k] = gone + s, closest.distance, closest.lateral_error
+            heading[k] = closest.heading + math.pi * (number % 2)
+        gone += section.length
     error = np.arctan2(np.sin(yaw - heading), np.cos(yaw - heading))
     return Projection(progress, distance, lateral, error)
 
@@ -120,7 +131,7 @@ def first_motion(x: Array, y: Array, threshold_m: float = FIRST_MOTION_M) -> int
     return max(int(np.argmax(moved)) - 1, 0) if moved.any() else None
 
 
-def stop_at_goal(t: Array, x: Array, y: Array, progress: Array, path: Polyline) -> int | None:
+def stop_at_goal(t: Array, x: Array, y: Array, progress: Array, path: AnyPath) -> int | None:
     """Index of the sample from which on the trunk stood within 0.15 m of the goal, at the end of the path.
 
     It stands where it stays within 3 cm of that place for 0.5 s (or to the end of the samples, if at least half as
@@ -204,7 +215,7 @@ def path_metrics(
     t: npt.ArrayLike,
     xy: npt.ArrayLike,
     yaw: npt.ArrayLike,
-    path: Polyline,
+    path: AnyPath,
     time_limit_s: float,
     profile: npt.ArrayLike | None = None,
 ) -> PathMetrics:

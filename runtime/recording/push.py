@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from runtime.recording.metrics import or_none, project
-from runtime.tracking.paths import Polyline
+from runtime.recording.metrics import AnyPath, or_none, project
 
 RETURN_S, RETURN_M = 5.0, 0.15
 SPEED_S, SPEED_SHARE = 3.0, 0.1
@@ -51,7 +50,7 @@ class PushRecovery:
 def push_recovery(
     t: npt.ArrayLike,
     xy: npt.ArrayLike,
-    path: Polyline,
+    path: AnyPath,
     push_end_s: float | None,
     commanded_mps: float,
     fell: bool,

@@ -21,7 +21,7 @@ from runtime.recording.log import Log, Signal
 from runtime.recording.loop_timing import DescribedLoop, LoopTimes, described_loops, loop_times
 from runtime.recording.metrics import Projection, project
 from runtime.tracking.errors import PathError
-from runtime.tracking.paths import Polyline
+from runtime.tracking.sections import SectionedPath
 
 Array = npt.NDArray[np.float64]
 
@@ -96,7 +96,7 @@ class RunData:
     loops: list[DescribedLoop]
     loop_times: list[LoopTimes]
     joint_names: list[str]
-    path: Polyline | None = None
+    path: SectionedPath | None = None
     path_points: Array = field(default_factory=lambda: np.empty((0, 2)))
     against_path: AgainstPath | None = None
     terrain: Terrain | None = None
@@ -173,23 +173,34 @@ def _terrain(log: Log) -> Terrain | None:
 
 
 def _find_path(data: RunData) -> None:
-    """The last path that has a beginning and an end."""
+    """The last path that has a beginning and an end, and that the robot did not refuse."""
     if PATH not in data.signals:
         return
-    for row in data.signals[PATH].values[::-1]:
+    paths = data.signals[PATH]
+    for row in paths.values[~_refused(paths, data.signals.get(BODY_COMMAND))][::-1]:
         count, closed = int(row["count"]), bool(row["closed"])
         points = np.column_stack((row["x"][:count], row["y"][:count]))
         if count < 2:
             continue
         try:
-            data.path = Polyline(points, closed)
+            data.path = SectionedPath(points, closed)
         except PathError:
             continue
         data.path_points = np.vstack((points, points[:1])) if closed else points
         return
 
 
-def _against(path: Polyline, pose: Signal) -> AgainstPath:
+def _refused(paths: Signal, commands: Signal | None) -> npt.NDArray[np.bool_]:
+    """Of each path, whether the robot's count of refused paths grew until the next one."""
+    if commands is None:
+        return np.zeros(len(paths.log_ns), dtype=np.bool_)
+    until = [*paths.log_ns.tolist(), commands.log_ns[-1] + 1]
+    last = np.searchsorted(commands.log_ns, until, side="left") - 1
+    counted = commands.values["rejected_paths"][np.maximum(last, 0)].astype(np.int64)
+    return np.diff(counted) > 0
+
+
+def _against(path: SectionedPath, pose: Signal) -> AgainstPath:
     chosen = every(pose.log_ns, _PROJECTION_STEP_NS)
     t, rows = pose.log_ns[chosen] / 1e9, pose.values[chosen]
     x, y = rows["position"][:, 0].copy(), rows["position"][:, 1].copy()

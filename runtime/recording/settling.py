@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from runtime.recording.metrics import Array, Projection, first_motion, project, time_average
-from runtime.tracking.paths import Polyline
+from runtime.recording.metrics import AnyPath, Array, Projection, first_motion, project, time_average
 
 SETTLED_M = 0.05
 WINDOW_S = 25.0
@@ -45,7 +44,7 @@ class Settling:
         return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
-def settling(t: Array, xy: Array, path: Polyline) -> Settling:
+def settling(t: Array, xy: Array, path: AnyPath) -> Settling:
     """Judge how a vehicle came to its path.
 
     Args:

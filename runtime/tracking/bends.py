@@ -11,7 +11,7 @@ import numpy as np
 
 from runtime.tracking.errors import PathError
 from runtime.tracking.paths import Waypoints
-from runtime.tracking.waypoints import check_waypoints
+from runtime.tracking.waypoints import check_cusped_waypoints, check_waypoints
 
 WAYPOINT_SPACING_M = 0.3
 CURVE_LENGTH_M = 40.0
@@ -59,6 +59,26 @@ def path_of_bends(bends: Sequence[Bend], spacing_m: float = WAYPOINT_SPACING_M, 
         x, y, heading = float(ends[0][0]), float(ends[1][0]), heading + bend.curvature * bend.length
         begin += bend.length
     return check_waypoints(points, source=source)
+
+
+def path_of_strokes(
+    strokes: Sequence[Sequence[Bend]], spacing_m: float = WAYPOINT_SPACING_M, source: str = "strokes"
+) -> Waypoints:
+    """Waypoints on strokes of bends that a vehicle drives forwards and backwards in turn, from the origin at yaw 0.
+
+    Each stroke begins where the one before ends, and goes the opposite way: the path turns back there.
+
+    Raises:
+        PathError: see `path_of_bends`.
+    """
+    points = np.zeros((1, 2))
+    heading = 0.0
+    for stroke in strokes:
+        cosine, sine = math.cos(heading), math.sin(heading)
+        turned = path_of_bends(stroke, spacing_m, source) @ np.array([(cosine, sine), (-sine, cosine)])
+        points = np.vstack((points, points[-1] + turned[1:]))
+        heading += math.pi + sum(bend.length * bend.curvature for bend in stroke)
+    return check_cusped_waypoints(points, source=source)
 
 
 def _advanced(x: float, y: float, heading: float, along: Waypoints, curvature: float) -> tuple[Waypoints, Waypoints]:
@@ -120,3 +140,9 @@ def figure_eight(size_m: float = 8.0, spacing_m: float = WAYPOINT_SPACING_M) -> 
     stations = np.linspace(0.0, along[-1], max(round(along[-1] / spacing_m), 8), endpoint=False)
     points = np.column_stack([np.interp(stations, along, fine[:, column]) for column in (0, 1)])
     return check_waypoints(points, closed=True, source="figure-eight")
+
+
+def three_point_turn() -> Waypoints:
+    """Half round to the left in three strokes of 60 degrees, and 1 m further back than it came."""
+    third = arc(60.0)
+    return path_of_strokes(((Bend(2.0), third), (third,), (third, Bend(3.0))), source="three-point-turn")

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -15,8 +17,21 @@ from runtime.tracking.waypoints import check_waypoints
 HEADERS = (["x", "y"], ["x_m", "y_m"])
 
 
+class WaypointCheck(Protocol):
+    """Which waypoints are a path, as `check_waypoints` says it."""
+
+    def __call__(
+        self, points: npt.ArrayLike, *, closed: bool, capacity: int | None, source: str, rows: Sequence[int]
+    ) -> npt.NDArray[np.float64]:
+        """The waypoints, or a `PathError`."""
+
+
 def read_path_csv(
-    file: str | os.PathLike[str], *, closed: bool = False, capacity: int | None = None
+    file: str | os.PathLike[str],
+    *,
+    closed: bool = False,
+    capacity: int | None = None,
+    check: WaypointCheck = check_waypoints,
 ) -> npt.NDArray[np.float64]:
     """Read and check the waypoints of a CSV file.
 
@@ -24,6 +39,7 @@ def read_path_csv(
         file: the file.
         closed: the last waypoint leads on to the first.
         capacity: largest number of waypoints, if bounded.
+        check: which waypoints are a path for the robot.
 
     Returns:
         Waypoints, n x 2, m.
@@ -54,7 +70,7 @@ def read_path_csv(
         rows.append(row)
     if not points:
         raise PathError(f"{source}: the path has no points, at least 2 are needed")
-    return check_waypoints(points, closed=closed, capacity=capacity, source=source, rows=rows)
+    return check(points, closed=closed, capacity=capacity, source=source, rows=rows)
 
 
 def _waypoint(cells: list[str], place: str) -> tuple[float, float]:

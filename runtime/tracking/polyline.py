@@ -71,6 +71,11 @@ class Polyline:
         self._spread = _spreads(self._s)
 
     @property
+    def sections(self) -> tuple[Polyline, ...]:
+        """Itself: a path that does not turn back has one section."""
+        return (self,)
+
+    @property
     def goal(self) -> tuple[float, float]:
         """Where the path ends, m."""
         return self._x[self._goal_segment + 1], self._y[self._goal_segment + 1]

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from bisect import bisect_right
+from itertools import accumulate, pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -52,6 +53,37 @@ def sections_of(points: npt.ArrayLike, closed: bool = False) -> list[Polyline]:
             place = f"section {number} of {len(stretches)}, " if len(stretches) > 1 else ""
             raise PathError(f"{place}{error}") from error
     return sections
+
+
+class SectionedPath:
+    """A path that may turn back at cusps, with one arc length over all of its sections.
+
+    Args:
+        points: waypoints, n x 2, m.
+        closed: the last waypoint leads on to the first.
+
+    Attributes:
+        sections: in the order in which they are driven.
+        begins: arc length where each of them begins, m.
+        length: of all of them, m.
+
+    Raises:
+        PathError: see `sections_of`.
+    """
+
+    def __init__(self, points: npt.ArrayLike, closed: bool = False) -> None:
+        self.sections = tuple(sections_of(points, closed))
+        *self.begins, self.length = accumulate((section.length for section in self.sections), initial=0.0)
+
+    @property
+    def goal(self) -> tuple[float, float]:
+        """Where the path ends, m."""
+        return self.sections[-1].goal
+
+    def point(self, s: float) -> tuple[float, float]:
+        """The point at arc length `s`, m; extrapolated beyond both ends."""
+        number = max(bisect_right(self.begins, s) - 1, 0)
+        return self.sections[number].point(s - self.begins[number])
 
 
 def begins_backwards(section: Polyline, yaw: float) -> bool:

@@ -15,7 +15,7 @@ from runtime.tracking.motion import Motion
 from runtime.tracking.path_speed import PathSpeed, SpeedPolicy
 from runtime.tracking.polyline import ClosestPoint, Polyline
 from runtime.tracking.prediction import CommandHistory
-from runtime.tracking.sections import begins_backwards, sections_of
+from runtime.tracking.sections import SectionedPath, begins_backwards
 from runtime.tracking.speed import SpeedLimits, ramped
 from runtime.tracking.turn import TurnLimits, needs_turn, turn_rate
 from runtime.tracking.vehicle_answer import VehicleAnswer
@@ -149,7 +149,7 @@ class VehicleTracker:
         count = len(TrackState._fields)
         self._scalars = self.memory[:count]
         self._history = CommandHistory(self.memory[count:])
-        self._sections: list[Polyline] = []
+        self._course: SectionedPath | None = None
         if memory is None:
             self.forget()
 
@@ -158,13 +158,14 @@ class VehicleTracker:
         self.memory[:] = 0.0
         self._scalars[:] = TrackState()
 
-    def take(self, points: npt.ArrayLike, closed: bool = False) -> None:
-        """Take up a path without touching what is remembered, as after that has been restored.
+    def take(self, points: npt.ArrayLike, closed: bool = False) -> SectionedPath:
+        """Take up a path, and return it, without touching what is remembered, as after that has been restored.
 
         Raises:
             PathError: if it cannot be followed; the one before is kept.
         """
-        self._sections = sections_of(points, closed)
+        self._course = SectionedPath(points, closed)
+        return self._course
 
     def begin(self) -> None:
         """Begin the path anew; what was commanded is still remembered."""
@@ -205,18 +206,19 @@ class VehicleTracker:
             delay_s: from a command to the wheels; 0 compensates for none.
             halted: slow to a stand, and keep to the path meanwhile.
         """
-        state, config = self._state, self._config
+        state, config, course = self._state, self._config, self._course
+        assert course is not None
         dt = min(max(now_s - state.time_s, 0.0), config.longest_step_s) if state.time_s > 0.0 else 0.0
         ahead = self._at_effect(now_s, motion, bool(state.turning), delay_s)
         if state.progress < 0.0 and state.section == 0.0:
-            state = state._replace(backwards=float(begins_backwards(self._sections[0], ahead.yaw)))
-        state, path = self._present_section(state._replace(time_s=now_s), motion)
+            state = state._replace(backwards=float(begins_backwards(course.sections[0], ahead.yaw)))
+        state, path = self._present_section(state._replace(time_s=now_s), motion, course)
         sign = -1.0 if state.backwards else 1.0
         seen = ahead.reversed() if state.backwards else ahead
         window = config.start_window_m if state.progress < 0.0 else config.search_window_m
         closest = path.closest(seen.x, seen.y, max(state.progress, 0.0), window, beyond_goal=True)
         remaining = path.length - closest.progress
-        last = state.section == len(self._sections) - 1
+        last = state.section == len(course.sections) - 1
         state = state._replace(progress=closest.progress)
         if last and remaining <= config.speed.goal_tolerance_m:
             state = state._replace(arrived=1.0)
@@ -236,8 +238,8 @@ class VehicleTracker:
         state = state._replace(forward=sign * speed, curvature=sign * curvature, turning=float(turning))
         self._scalars[:] = state
         self._history.add(now_s, state.forward, config.answer.angle_of(state.curvature))
-        before = sum(section.length for section in self._sections[: int(state.section)])
-        after = sum(section.length for section in self._sections[int(state.section) + 1 :])
+        before = course.begins[int(state.section)]
+        after = course.length - (before + path.length)
         return TrackCommand(
             state.forward,
             state.curvature,
@@ -262,16 +264,16 @@ class VehicleTracker:
             return motion._replace(yaw=motion.yaw + delay_s * motion.yaw_rate)
         return self._history.predicted(motion, now_s, delay_s, self._config.answer)
 
-    def _present_section(self, state: TrackState, motion: Motion) -> tuple[TrackState, Polyline]:
+    def _present_section(self, state: TrackState, motion: Motion, course: SectionedPath) -> tuple[TrackState, Polyline]:
         """The section to drive: the next one, once the vehicle stands at the end of one."""
         section = int(state.section)
-        path = self._sections[section]
+        path = course.sections[section]
         over = state.progress >= path.length - self._config.speed.goal_tolerance_m
-        if over and section + 1 < len(self._sections) and abs(motion.speed) < self._config.standstill_mps:
+        if over and section + 1 < len(course.sections) and abs(motion.speed) < self._config.standstill_mps:
             state = state._replace(
                 section=float(section + 1),
                 backwards=1.0 - state.backwards,
                 progress=-1.0,
                 forward=0.0,
             )
-        return state, self._sections[int(state.section)]
+        return state, course.sections[int(state.section)]

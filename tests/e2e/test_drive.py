@@ -53,6 +53,20 @@ def test_a_change_moves_the_outputs(ugv, recorded):
     assert done.returncode == 0, done.stderr
 
 
+def test_a_path_of_ones_own_that_turns_back_is_driven_judged_and_replayed(ugv, tmp_path):
+    file, run = tmp_path / "cusp.csv", tmp_path / "run"
+    file.write_text("x,y\n0,0\n1,0\n2,0\n1,0.1\n0.5,0.2\n")
+    done = ugv("sil", "4ws4wd", file, "--out", run)
+    assert done.returncode == 0, done.stderr + done.stdout
+    summary = json.loads((run / "summary.json").read_text())
+    assert summary["completed"]
+    assert summary["path_length_m"] == pytest.approx(3.5, abs=0.02)
+    assert summary["lateral_error_m"]["rms"] < 0.03
+    assert summary["heading_error_rad"]["rms"] < 0.2
+    assert "<h2>Tracking errors</h2>" in (run / "report.html").read_text()
+    assert ugv("replay", run).stdout.rstrip().endswith("identical")
+
+
 @pytest.mark.parametrize("scenario", ["crab", "spin", "reverse"])
 def test_a_velocity_is_driven_to_where_it_is_to_end(ugv, tmp_path, scenario):
     done = ugv("sil", "4ws4wd", scenario, "--estimator", "truth", "--out", tmp_path / scenario)

@@ -5,8 +5,9 @@ import math
 
 import pytest
 
-from runtime.tracking.paths import Polyline
-from sim_bridge.vehicle_courses import UnknownScenarioError, scenario, scenario_names
+from runtime.tracking.errors import PathError
+from runtime.tracking.sections import SectionedPath
+from sim_bridge.vehicle_courses import UnknownScenarioError, custom, scenario, scenario_names
 
 
 @pytest.mark.parametrize("name", scenario_names())
@@ -18,7 +19,7 @@ def test_every_scenario_is_whole(name):
     assert math.isfinite(ground.height_at(x, y))
     assert course.time_limit_s > 0.0
     if course.waypoints:
-        path = Polyline(course.waypoints, course.closed)
+        path = SectionedPath(course.waypoints, course.closed)
         assert path.length <= course.speed_mps * course.nominal_time_s
         low_x, high_x, low_y, high_y = ground.extent
         assert all(low_x <= px <= high_x and low_y <= py <= high_y for px, py in course.waypoints)
@@ -33,6 +34,23 @@ def test_the_seed_chooses_the_curve():
     names = {scenario("curve", seed).name for seed in range(5)}
     assert names == {"curve-u", "curve-s", "curve-right-angle", "curve-loop", "curve-chicane"}
     assert scenario("curve", 5).name == scenario("curve", 0).name
+
+
+def test_the_three_point_turn_has_two_cusps_and_ends_the_other_way_round():
+    course = scenario("three-point-turn")
+    path = SectionedPath(course.waypoints)
+    assert [round(section.length, 1) for section in path.sections] == [4.6, 2.6, 5.6]
+    assert abs(math.remainder(path.sections[-1].heading(path.sections[-1].length) - math.pi, math.tau)) < 1e-6
+    assert path.goal == pytest.approx((2.0 - 3.0, 0.0))  # the chords of the arcs make up a triangle
+    assert course.nominal_time_s == pytest.approx(path.length / 0.6 + 3 * 4.0)
+
+
+def test_a_path_of_ones_own_may_turn_back():
+    course = custom([(0.0, 0.0), (2.0, 0.0), (1.0, 0.0)])
+    assert course.start_pose == (0.0, 0.0, 0.0)
+    assert course.nominal_time_s == pytest.approx(3.0 / 0.6 + 2 * 4.0)
+    with pytest.raises(PathError, match="2 are needed"):
+        custom([(0.0, 0.0)])
 
 
 def test_only_paths_are_closed_that_lead_back():

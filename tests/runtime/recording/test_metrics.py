@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import json
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from runtime.recording.metrics import (
     tracking_error,
 )
 from runtime.tracking.paths import Polyline, circle, straight
+from runtime.tracking.sections import SectionedPath
 
 TEN_METRES = Polyline(straight(10.0))
 
@@ -155,3 +157,52 @@ def test_arrays_that_do_not_fit_are_refused(shape):
     a, b, c = shape
     with pytest.raises(ValueError, match="metrics"):
         path_metrics(np.arange(a), np.zeros((b, 2)), np.zeros(c), TEN_METRES, 1.0)
+
+
+def zigzag(overshoot=0.0, offset=0.0):
+    """Two metres there, a metre and a half back and one there again, at 0.5 m/s, beyond each cusp by an overshoot.
+
+    Times, positions and yaws; standing for a second at each turn and at the end.
+    """
+    turns = [0.0, 2.0 + overshoot, 0.5 - overshoot, 1.5]
+    x = [np.zeros(10)]
+    for begin, end in pairwise(turns):
+        x += [np.linspace(begin, end, round(abs(end - begin) / 0.005)), np.full(100, end)]
+    x = np.concatenate(x)
+    t = 0.01 * np.arange(len(x))
+    return t, np.column_stack((x, np.full(len(x), offset))), np.zeros(len(x))
+
+
+CUSPED = SectionedPath([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (1.0, 0.0), (0.5, 0.0), (1.0, 0.0), (1.5, 0.0)])
+
+
+@pytest.mark.parametrize("overshoot", [-0.05, 0.0, 0.05])
+def test_a_path_with_cusps_is_judged_section_by_section(overshoot):
+    t, xy, yaw = zigzag(overshoot, offset=0.02)
+    seen = project(xy[:, 0], xy[:, 1], yaw, CUSPED)
+    assert (np.diff(seen.progress) >= 0.0).all()
+    assert seen.progress[-1] == pytest.approx(4.5)
+    assert seen.distance.max() == pytest.approx(math.hypot(0.02, max(overshoot, 0.0)), abs=1e-3)
+    assert seen.lateral_error[[100, 600]] == pytest.approx((0.02, -0.02))
+    np.testing.assert_allclose(seen.heading_error, 0.0, atol=1e-12)
+    result = path_metrics(t, xy, yaw, CUSPED, 20.0)
+    assert result.completed
+    assert result.path_length_m == pytest.approx(4.5)
+    assert result.lateral_error_m.mean == pytest.approx(0.02, abs=0.02)
+
+
+def test_who_stays_at_a_cusp_or_passes_the_goal_before_is_not_done():
+    t, xy, yaw = zigzag()
+    first = slice(0, 10 + 400 + 100)
+    assert not path_metrics(t[first], xy[first], yaw[first], CUSPED, 20.0).completed
+    seen = project(*xy[first].T, yaw[first], CUSPED)
+    assert seen.progress[-1] == pytest.approx(2.0)
+    assert seen.progress[10 + 300] == pytest.approx(1.5, abs=0.01)  # abreast of the goal, two sections before it
+
+
+def test_a_push_against_the_way_is_no_turn():
+    """Where a section ends only near its end; a vehicle that is held up before is still on it."""
+    x = np.concatenate((np.linspace(0.0, 1.0, 200), np.linspace(1.0, 0.8, 40), np.linspace(0.8, 2.0, 240)))
+    seen = project(x, 0.0 * x, 0.0 * x, CUSPED)
+    assert seen.progress[-1] == pytest.approx(2.0)
+    assert seen.progress[239] == pytest.approx(1.0)

@@ -55,6 +55,19 @@ class Walk(Task):
         self.safety.fault = 0 if t < 1.5 else signals.Fault.TILT
 
 
+class ThereAndBack(Walk):
+    """Drives a metre and half of it back, beside the line; then it refuses a path to somewhere else."""
+
+    def step(self, now_ns: int) -> None:
+        super().step(now_ns)
+        t = now_ns / 1e9
+        self.truth.position = (min(t, 2.0 - t), 0.05, 0.3)
+        self.path.count, self.path.x = 3, (0.0, 1.0, 0.5, 0, 0, 0, 0, 0)
+        if t > 1.5:
+            self.path.count, self.path.x = 2, (0.0, 70.0, 0, 0, 0, 0, 0, 0)
+            self.command.rejected_paths = 1
+
+
 class Nothing:
     """A world without content."""
 
@@ -68,14 +81,19 @@ def terrain(heights) -> Attachment:
     return Attachment(TERRAIN, "application/octet-stream", stream.getvalue())
 
 
-@pytest.fixture(scope="module")
-def walked(tmp_path_factory):
-    run = tmp_path_factory.mktemp("walks") / "line"
-    loops = (Loop("wbc", 10_000_000, 1_000_000, 80, (), (), (Scheduled(Walk()),), ()),)
+def record(run, walk):
+    """Record two seconds of it."""
+    loops = (Loop("wbc", 10_000_000, 1_000_000, 80, (), (), (Scheduled(walk),), ()),)
     ground = terrain(np.random.default_rng(0).uniform(-0.03, 0.03, (50, 80)))
     sink = BagSink(run, recording_setup(loops, "toy", "a < b & c\n", 3, ("hip", "thigh", "calf"), extra=[ground]))
     Lockstep(loops, {}, {}, Nothing(), sink).run(2_000_000_000, lambda now_ns: False)
     sink.close()
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory):
+    run = tmp_path_factory.mktemp("walks") / "line"
+    record(run, Walk())
     summary = {
         "robot": "toy",
         "scenario": "line <6 cm>",
@@ -137,6 +155,16 @@ def test_errors_are_those_of_the_true_pose(walked):
     np.testing.assert_allclose(seen.y_error, 0.05)
     np.testing.assert_allclose(seen.x_error, 0.0, atol=1e-12)
     np.testing.assert_allclose(seen.projection.progress, 0.6 * seen.t)
+
+
+def test_a_path_that_turns_back_is_drawn_and_judged_and_one_that_was_refused_is_not(tmp_path):
+    record(tmp_path / "run", ThereAndBack())
+    data = load_run(tmp_path / "run")
+    assert data.path_points.tolist() == [[0.0, 0.0], [1.0, 0.0], [0.5, 0.0]]
+    seen = data.against_path
+    np.testing.assert_allclose(seen.y_error, 0.05)
+    np.testing.assert_allclose(seen.projection.progress, np.minimum(seen.t, 1.5), atol=1e-9)
+    assert "<h2>Tracking errors</h2>" in write_report(tmp_path / "run").read_text()
 
 
 def test_a_log_without_the_usual_topics_still_gets_a_report(recorded, tmp_path):

@@ -4,10 +4,11 @@ import math
 import numpy as np
 import pytest
 
-from runtime.tracking.bends import CURVES, Bend, arc, figure_eight, path_of_bends
+from runtime.tracking.bends import CURVES, Bend, arc, figure_eight, path_of_bends, path_of_strokes
 from runtime.tracking.curvature import mean_curvature
 from runtime.tracking.errors import PathError
 from runtime.tracking.polyline import Polyline
+from runtime.tracking.sections import SectionedPath
 
 
 @pytest.mark.parametrize("name", sorted(CURVES))
@@ -67,3 +68,15 @@ def test_degenerate_spacings_are_refused(spacing):
         path_of_bends((Bend(1.0),), spacing)
     with pytest.raises(PathError, match="figure-eight"):
         figure_eight(8.0, spacing)
+
+
+def test_strokes_go_the_opposite_way_each_from_where_the_one_before_ends():
+    quarter = arc(90.0, 2.0)
+    path = SectionedPath(path_of_strokes(((Bend(1.0), quarter), (Bend(3.0),), (quarter,)), spacing_m=0.05))
+    assert [section.length for section in path.sections] == pytest.approx([1.0 + math.pi, 3.0, math.pi], abs=1e-3)
+    assert path.point(path.begins[1]) == pytest.approx((3.0, 2.0))
+    assert path.point(path.begins[2]) == pytest.approx((3.0, -1.0))
+    assert path.goal == pytest.approx((1.0, 1.0))
+    assert [math.degrees(section.heading(0.0)) for section in path.sections] == pytest.approx(
+        [0.0, -90.0, 90.7], abs=0.1
+    )

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from runtime.tracking.errors import PathError
 from runtime.tracking.path_csv import read_path_csv
 from runtime.tracking.paths import Polyline, check_waypoints, circle, line, s_curve, straight
+from runtime.tracking.waypoints import check_cusped_waypoints
 
 
 def test_s_curve_has_the_plan_length_of_its_parts_and_ends_where_they_lead():
@@ -113,6 +114,19 @@ def test_a_closed_path_is_checked_where_it_closes():
         check_waypoints([(0, 0), (1, 0)], closed=True)
 
 
+@pytest.mark.parametrize(("points", "message"), [bad for bad in BAD if "turns back" not in bad[1]])
+def test_what_may_turn_back_is_refused_for_everything_else(points, message):
+    with pytest.raises(PathError, match=message):
+        check_cusped_waypoints(points)
+
+
+def test_only_an_open_path_may_turn_back():
+    zigzag = [(0.0, 0.0), (2.0, 0.0), (1.0, 0.1)]
+    assert check_cusped_waypoints(zigzag).tolist() == np.array(zigzag).tolist()
+    with pytest.raises(PathError, match="point 2: the path turns back by 174 degrees"):
+        check_cusped_waypoints(zigzag, closed=True)
+
+
 def test_capacity():
     with pytest.raises(PathError, match="3 points, at most 2 fit"):
         check_waypoints([(0, 0), (1, 0), (2, 0)], capacity=2)
@@ -177,3 +191,14 @@ def test_any_text_gives_a_path_or_a_path_error(tmp_path_factory, text):
         assert len(read_path_csv(file)) >= 2
     except PathError as error:
         assert str(error)
+
+
+def test_a_csv_path_with_a_cusp_is_one_for_who_can_drive_it(tmp_path):
+    file = tmp_path / "path.csv"
+    file.write_text("x,y\n0,0\n2,0\n1,0\n")
+    assert read_path_csv(file, check=check_cusped_waypoints).tolist() == [[0.0, 0.0], [2.0, 0.0], [1.0, 0.0]]
+    with pytest.raises(PathError, match="row 3: the path turns back by 180 degrees"):
+        read_path_csv(file)
+    file.write_text("x,y\n0,0\n2,0\n2,0\n")
+    with pytest.raises(PathError, match=r"row 4: \(2, 0\) repeats the point before"):
+        read_path_csv(file, check=check_cusped_waypoints)

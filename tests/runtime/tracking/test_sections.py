@@ -7,7 +7,7 @@ import pytest
 from runtime.tracking.errors import PathError
 from runtime.tracking.paths import circle, s_curve, straight
 from runtime.tracking.polyline import Polyline
-from runtime.tracking.sections import begins_backwards, sections_of, split_at_cusps
+from runtime.tracking.sections import SectionedPath, begins_backwards, sections_of, split_at_cusps
 
 ZIGZAG = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.1), (1.0, 0.3), (0.0, 0.3), (1.0, 0.4), (3.0, 0.4)]
 
@@ -51,3 +51,13 @@ def test_what_is_no_path_is_refused(points, message):
 def test_backwards_is_where_the_vehicle_points_away():
     section = Polyline(straight(5.0, 0.5))
     assert [begins_backwards(section, yaw) for yaw in (0.5, 2.0, 2.2, 3.6, -1.2)] == [False, False, True, True, True]
+
+
+def test_one_arc_length_runs_over_all_sections():
+    path = SectionedPath([(0.0, 0.0), (2.0, 0.0), (1.0, 0.0), (1.5, 0.0)])
+    assert path.length == pytest.approx(3.5)
+    assert path.begins == pytest.approx([0.0, 2.0, 3.0])
+    assert path.goal == (1.5, 0.0)
+    assert [path.point(s)[0] for s in (0.0, 1.5, 2.0, 2.5, 3.0, 3.25, 3.5)] == pytest.approx(
+        [0.0, 1.5, 2.0, 1.5, 1.0, 1.25, 1.5]
+    )
