@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 from runtime.signals import Mode, Motion, OperatorRequest, Path, SafetyStatus, Steering
 from runtime.tasks import Task
 from runtime.tracking import motion
 from runtime.tracking.drive_tracker_config import DriveTrackerConfig, DriveTrackerMemory, SolveMemory
-from runtime.tracking.followed_path import FollowedPath, Points
+from runtime.tracking.followed_path import FollowedPath
+from runtime.tracking.inputs import planar_pose
 from runtime.tracking.path_speed import SpeedPolicy
 from runtime.tracking.vehicle_tracker import SteeringPolicy, TrackCommand, VehicleTracker
 from runtime.tracking.velocity import REST, PlanarVelocity, approached, wanted_velocity
@@ -56,7 +56,7 @@ class DriveTracker(Task):
         self.state: DriveTrackerMemory = DriveTrackerMemory("/ugv/state/tracker", path.sizes)
         self._tracker = VehicleTracker(policy(self.state), config.following, self.state.tracked, speed)
         self._tracker.forget()
-        self._followed = FollowedPath(self.state, self._take_up)
+        self._followed = FollowedPath(self.state, self._tracker.take)
 
     def restore(self, data: bytes | memoryview) -> None:
         """Take up a saved state, and the path in it."""
@@ -69,7 +69,8 @@ class DriveTracker(Task):
         if self._followed.take(self._path):
             memory.arrived, memory.progress = False, 0.0
             self._tracker.begin()
-        pose = pose_of(self._body)
+        body = self._body
+        pose = planar_pose(body.position, body.orientation, body.velocity, body.angular_velocity)
         command.clear()
         command.stamp_ns, command.rejected_paths = now_ns, memory.rejected_paths
         if pose is None:
@@ -92,11 +93,6 @@ class DriveTracker(Task):
         """Whether the vehicle is to slow to a stand."""
         drives = self._safety.mode == Mode.ACTIVE and self._request.motion == Motion.WALK
         return not drives or self._safety.halt != 0
-
-    def _take_up(self, points: Points, closed: bool) -> bool:
-        """Have the path tracked; a `PathError` leaves the one before."""
-        self._tracker.take(points, closed)
-        return True
 
     def _roam(self, wanted: PlanarVelocity, now_ns: int) -> None:
         """Follow a velocity."""
@@ -137,16 +133,6 @@ def _tell(wanted: TrackCommand, command: TwistCommand) -> None:
     command.predicted, command.target, command.look_ahead = wanted.pose, wanted.target, wanted.look_ahead
     command.lateral_error, command.heading_error = wanted.lateral_error, wanted.heading_error
     command.remaining = wanted.remaining
-
-
-def pose_of(body: VehicleState) -> tuple[float, float, float] | None:
-    """Position and yaw, or None where the estimate is not finite or was never written."""
-    x, y, _ = body.position.tolist()
-    i, j, k, w = body.orientation.tolist()
-    values = (x, y, i, j, k, w, *body.velocity.tolist(), *body.angular_velocity.tolist())
-    if not all(map(math.isfinite, values)) or i * i + j * j + k * k + w * w < 0.25:
-        return None
-    return x, y, math.atan2(2.0 * (w * k + i * j), w * w + i * i - j * j - k * k)
 
 
 def manner_of(wanted: PlanarVelocity, present: int) -> int:

@@ -72,7 +72,9 @@ class PathTracker(Task):
             state.progress = -1.0 if state.count else 0.0
         dt = (now_ns - state.stamp_ns) * 1e-9 if state.stamp_ns else 0.0
         dt = min(max(dt, 0.0), self.config.longest_step_s)
-        pose = planar_pose(self._body)
+        body = self._body
+        relied_on = body.course_velocity, body.angular_velocity, body.plane_normal
+        pose = planar_pose(body.position, body.orientation, *relied_on)
         command.clear()
         command.stamp_ns = now_ns
         command.rejected_paths = state.rejected_paths
