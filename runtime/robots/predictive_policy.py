@@ -7,13 +7,13 @@ import math
 
 import numpy as np
 
+from runtime.models.dual_ackermann import centre_curvature
 from runtime.models.rotations import wrapped
 from runtime.tracking.curvature import curvatures_ahead
 from runtime.tracking.drive_tracker_config import SolveMemory
 from runtime.tracking.motion import Motion
 from runtime.tracking.polyline import ClosestPoint, Polyline
 from runtime.tracking.waypoint_pursuit import Pursuit
-from runtime.wheeled.geometry import centre_curvature
 from runtime.wheeled.tracking_mpc import TrackingMpc, TrackingMpcConfig
 
 SPAN_M = 0.6

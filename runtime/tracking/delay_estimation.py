@@ -96,11 +96,6 @@ class DelayEstimator:
         """The estimate."""
         return float(self._scalars[1])
 
-    @property
-    def mismatch(self) -> Array:
-        """Recent squared mismatch of each model, in scales times seconds."""
-        return self._mismatch
-
     def step(self, now_s: float, angle: float, speed: float) -> None:
         """Compare what the vehicle does now with what each model does.
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from runtime.models.vehicle import VehicleGeometry
 from runtime.records import Record, float64_array
 from runtime.tasks import Task
 from runtime.tracking.delay_estimation import DelayConfig, DelayEstimator
@@ -23,7 +24,7 @@ class DelayTask(Task):
     Args:
         config: parameters.
         answer: of the vehicle, the delay apart.
-        wheel_radius_m: of each wheel.
+        geometry: of the vehicle.
         wheels: record read.
         command: record read: what was sent last.
         output: record written.
@@ -35,12 +36,12 @@ class DelayTask(Task):
         self,
         config: DelayConfig,
         answer: VehicleAnswer,
-        wheel_radius_m: float,
+        geometry: VehicleGeometry,
         wheels: WheelState,
         command: WheelCommand,
         output: CommandDelay,
     ) -> None:
-        self._radius_m, self._wheels, self._command, self._output = wheel_radius_m, wheels, command, output
+        self._geometry, self._wheels, self._command, self._output = geometry, wheels, command, output
         self.reads, self.writes = (wheels, command), (output,)
         self.state: DelayMemory = DelayMemory("/ugv/state/delay")
         self._estimator = DelayEstimator(config, answer, self.state.learnt)
@@ -50,10 +51,14 @@ class DelayTask(Task):
         """One estimate; see `Task`."""
         wheels, command, estimator = self._wheels, self._command, self._estimator
         if command.enable and wheels.enabled:
-            sent = centre_angle(command.steering), rolling_speed(command.speed, self._radius_m)
-            done = centre_angle(wheels.steering), rolling_speed(wheels.speed, self._radius_m)
-            estimator.add(command.stamp_ns * 1e-9, sent[1], sent[0])
-            estimator.step(now_ns * 1e-9, *done)
+            estimator.add(command.stamp_ns * 1e-9, *self._motion_of(command))
+            speed, angle = self._motion_of(wheels)
+            estimator.step(now_ns * 1e-9, angle, speed)
         else:
             estimator.pause()
         self._output.stamp_ns, self._output.delay = now_ns, estimator.delay_s
+
+    def _motion_of(self, wheels: WheelState | WheelCommand) -> tuple[float, float]:
+        """Speed, m/s, and centre angle, rad."""
+        geometry = self._geometry
+        return rolling_speed(wheels.speed, geometry.wheel_radius_m), centre_angle(wheels.steering, geometry)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from runtime.models.vehicle import VehicleGeometry
 from runtime.signals import Mode, Motion, OperatorRequest, Path, SafetyStatus, Steering
 from runtime.tasks import Task
 from runtime.tracking import motion
@@ -29,6 +30,7 @@ class DriveTracker(Task):
 
     Args:
         config: parameters.
+        geometry: of the vehicle.
         policy: makes what says which arc to drive, given its memory.
         speed: how fast to drive it; None for as fast as bends and the goal allow.
         path, body, wheels, delay, request, safety: records read.
@@ -40,6 +42,7 @@ class DriveTracker(Task):
     def __init__(
         self,
         config: DriveTrackerConfig,
+        geometry: VehicleGeometry,
         policy: Callable[[SolveMemory], SteeringPolicy],
         speed: SpeedPolicy | None,
         path: Path,
@@ -51,6 +54,7 @@ class DriveTracker(Task):
         command: TwistCommand,
     ) -> None:
         self._config, self._path, self._body, self._wheels, self._delay = config, path, body, wheels, delay
+        self._geometry = geometry
         self._request, self._safety, self._command = request, safety, command
         self.reads, self.writes = (path, body, wheels, delay, request, safety), (command,)
         self.state: DriveTrackerMemory = DriveTrackerMemory("/ugv/state/tracker", path.sizes)
@@ -120,7 +124,8 @@ class DriveTracker(Task):
         """Follow the path."""
         memory, command = self.state, self._command
         forward, yaw_rate = float(self._body.velocity[0]), float(self._body.angular_velocity[2])
-        moving = motion.Motion(*pose, forward, centre_angle(self._wheels.steering), yaw_rate)
+        angle = centre_angle(self._wheels.steering, self._geometry)
+        moving = motion.Motion(*pose, forward, angle, yaw_rate)
         wanted = self._tracker.step(now_ns * 1e-9, moving, memory.path_speed, self._delay.delay, self._halted)
         memory.forward, memory.lateral, memory.yaw_rate = wanted.speed, 0.0, wanted.yaw_rate
         memory.manner = SteeringMode.SPIN if wanted.turning else SteeringMode.ACKERMANN

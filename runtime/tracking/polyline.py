@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A path as a polyline: arc length, closest point, heading, curvature, look-ahead point."""
+"""A path as a polyline: arc length, closest point, heading, look-ahead point."""
 
 from __future__ import annotations
 
@@ -95,15 +95,6 @@ class Polyline:
         i = self._segment(s)
         turn, share = self._near_vertex(i, s)
         return wrapped(self._heading[i] + turn * share)
-
-    def curvature(self, s: float) -> float:
-        """Signed curvature of the path at arc length `s`, 1/m, positive to the left."""
-        i = self._segment(s)
-        if i + 1 < len(self._heading) and self._s[i + 1] - s <= self._spread[i + 1]:
-            return (self._heading[i + 1] - self._heading[i]) / (2.0 * self._spread[i + 1])
-        if i > 0 and s - self._s[i] < self._spread[i]:
-            return (self._heading[i] - self._heading[i - 1]) / (2.0 * self._spread[i])
-        return 0.0
 
     def _near_vertex(self, i: int, s: float) -> tuple[float, float]:
         """The turn at the vertex whose spread contains `s`, and its share to add to the heading of segment `i`."""

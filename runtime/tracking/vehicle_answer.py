@@ -9,6 +9,8 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
+from runtime.models.dual_ackermann import centre_angle, centre_curvature
+
 
 class VehicleAnswer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A first-order lag and a rate limit on the centre angle, and a rate limit on the speed.
@@ -27,24 +29,11 @@ class VehicleAnswer(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def angle_of(self, curvature: float) -> float:
         """Centre angle for a curvature of the centre's path."""
-        return math.atan(0.5 * self.wheelbase_m * curvature)
+        return centre_angle(curvature, self.wheelbase_m)
 
     def curvature_of(self, angle: float) -> float:
         """Curvature of the centre's path at a centre angle, 1/m."""
-        return 2.0 * math.tan(angle) / self.wheelbase_m
-
-    def answered(self, angle: float, wanted: float, time_s: float) -> float:
-        """The angle after a short time of being asked for another."""
-        change = wanted - angle
-        if self.lag_s > 0.0:
-            change *= -math.expm1(-time_s / self.lag_s)
-        most = self.rate_radps * time_s
-        return angle + min(max(change, -most), most)
-
-    def reached(self, speed: float, wanted: float, time_s: float) -> float:
-        """The speed after a short time of being asked for another."""
-        most = self.acceleration_mps2 * time_s
-        return speed + min(max(wanted - speed, -most), most)
+        return centre_curvature(angle, self.wheelbase_m)
 
     def slewed(self, curvature: float, wanted: float, time_s: float) -> float:
         """The wanted curvature, or as much of the way to it as the steering can turn in this time."""

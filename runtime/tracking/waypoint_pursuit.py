@@ -60,13 +60,3 @@ class WaypointPursuit(msgspec.Struct, frozen=True, forbid_unknown_fields=True, t
             progress = pursued_progress(path, x, y, closest, distance, gain)
         target = path.point(progress)
         return Pursuit(pursuit_curvature(x, y, yaw, target), target, distance)
-
-
-PLAIN = WaypointPursuit()
-"""The paper's plain pure pursuit: L_a 1.5 m."""
-LDC = WaypointPursuit(longitudinal_gain=0.9)
-"""With the longitudinal distance constraint."""
-FUZZY = WaypointPursuit(look_ahead=CurvatureLookAhead())
-"""With the look-ahead of Table I."""
-FUZZY_LDC = WaypointPursuit(look_ahead=CurvatureLookAhead(), longitudinal_gain=0.9)
-"""With both: the paper's method."""

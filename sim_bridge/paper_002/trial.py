@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from runtime.models.dual_ackermann import inner_angle
 from runtime.recording.metrics import Projection, project, time_average
 from runtime.recording.settling import WINDOW_S, Settling, settling_of
 from runtime.tracking.delay_estimation import DelayEstimator
@@ -17,7 +18,6 @@ from runtime.tracking.motion import Motion
 from runtime.tracking.polyline import Polyline
 from runtime.tracking.vehicle_answer import VehicleAnswer
 from runtime.tracking.vehicle_tracker import TrackCommand, VehicleTracker
-from runtime.wheeled.geometry import inner_angle
 from sim_bridge.kinematic_vehicle import NS_PER_SECOND, KinematicPlant, KinematicVehicle
 from sim_bridge.paper_002.contenders import Contender, DelayHandling, configuration, policy_of
 from sim_bridge.paper_002.plants import PLANTS

@@ -83,6 +83,7 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
     authority = AuthorityTask(config.authority, board.event, board.operator)
     tracker = DriveTracker(
         config.tracker,
+        config.vehicle,
         partial(_policy, config),
         config.speed_policy,
         board.path,
@@ -156,8 +157,8 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
 def _learning(config: Vehicle4ws4wdConfig, board: _Board) -> tuple[Task, ...]:
     if not config.reckons_with_delay:
         return ()
-    answer, radius_m = config.tracker.following.answer, config.vehicle.wheel_radius_m
-    return (DelayTask(config.delay, answer, radius_m, board.wheels, board.command_safe, board.delay),)
+    answer, geometry = config.tracker.following.answer, config.vehicle
+    return (DelayTask(config.delay, answer, geometry, board.wheels, board.command_safe, board.delay),)
 
 
 def _policy(config: Vehicle4ws4wdConfig, memory: SolveMemory) -> SteeringPolicy:

@@ -241,6 +241,29 @@ class Tracked:
         return command.speed, command.curvature
 
 
+class Answering:
+    """What a vehicle that answers as modelled does in a short time of being asked for something else."""
+
+    @staticmethod
+    def angle(answer, angle, wanted, time_s):
+        change = wanted - angle
+        if answer.lag_s > 0.0:
+            change *= -math.expm1(-time_s / answer.lag_s)
+        most = answer.rate_radps * time_s
+        return angle + min(max(change, -most), most)
+
+    @staticmethod
+    def speed(answer, speed, wanted, time_s):
+        most = answer.acceleration_mps2 * time_s
+        return speed + min(max(wanted - speed, -most), most)
+
+
+@pytest.fixture(scope="session")
+def answering():
+    """How a vehicle answers."""
+    return Answering
+
+
 @pytest.fixture
 def tracked():
     """What makes a controller of a whole tracker."""

@@ -21,8 +21,8 @@ CONFIG = DelayConfig()
 class LateVehicle:
     """It answers as modelled, later, and is measured with noise."""
 
-    def __init__(self, delay_s, lag_s=0.0, noise=0.0, seed=0):
-        self.answer = VehicleAnswer(lag_s=lag_s)
+    def __init__(self, answering, delay_s, lag_s=0.0, noise=0.0, seed=0):
+        self.answering, self.answer = answering, VehicleAnswer(lag_s=lag_s)
         self.pending = deque([(0.0, 0.0)] * round(delay_s / PERIOD))
         self.angle = self.speed = 0.0
         self.noise, self.rng = noise, np.random.Generator(np.random.PCG64(seed))
@@ -30,8 +30,8 @@ class LateVehicle:
     def step(self, speed, angle):
         self.pending.append((speed, angle))
         speed, angle = self.pending.popleft()
-        self.angle = self.answer.answered(self.angle, angle, PERIOD)
-        self.speed = self.answer.reached(self.speed, speed, PERIOD)
+        self.angle = self.answering.angle(self.answer, self.angle, angle, PERIOD)
+        self.speed = self.answering.speed(self.answer, self.speed, speed, PERIOD)
 
     def measured(self):
         noise = self.rng.normal(0.0, self.noise, 2)
@@ -56,25 +56,25 @@ def weaving(time_s):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.3, 0.46, 0.6, 0.9])
-def test_converges_to_the_delay_and_stays(delay):
-    _, trace = learn(LateVehicle(delay, noise=0.003), weaving, 20.0)
+def test_converges_to_the_delay_and_stays(answering, delay):
+    _, trace = learn(LateVehicle(answering, delay, noise=0.003), weaving, 20.0)
     assert trace[round(8.0 / PERIOD) :] == pytest.approx(delay, abs=0.04)
 
 
-def test_a_lag_counts_as_delay():
-    _, trace = learn(LateVehicle(0.3, lag_s=0.1), weaving, 20.0)
+def test_a_lag_counts_as_delay(answering):
+    _, trace = learn(LateVehicle(answering, 0.3, lag_s=0.1), weaving, 20.0)
     assert 0.33 <= trace[-1] <= 0.45
 
 
-def test_the_start_of_the_speed_teaches_it_on_a_straight_path():
-    _, trace = learn(LateVehicle(0.6), lambda t: (min(0.4 * t, 0.6), 0.0), 10.0)
+def test_the_start_of_the_speed_teaches_it_on_a_straight_path(answering):
+    _, trace = learn(LateVehicle(answering, 0.6), lambda t: (min(0.4 * t, 0.6), 0.0), 10.0)
     assert trace[-1] == pytest.approx(0.6, abs=0.05)
 
 
-def test_stays_where_nothing_changes():
-    _, trace = learn(LateVehicle(0.6), lambda t: (0.0, 0.0), 10.0)
+def test_stays_where_nothing_changes(answering):
+    _, trace = learn(LateVehicle(answering, 0.6), lambda t: (0.0, 0.0), 10.0)
     assert set(trace) == {CONFIG.initial_s}
-    vehicle = LateVehicle(0.6, noise=0.003)
+    vehicle = LateVehicle(answering, 0.6, noise=0.003)
     estimator, _ = learn(vehicle, weaving, 15.0)
     learnt = estimator.delay_s
     for index in range(3000):
@@ -85,8 +85,8 @@ def test_stays_where_nothing_changes():
     assert estimator.delay_s == pytest.approx(learnt, abs=0.05)
 
 
-def test_follows_a_delay_that_changes():
-    vehicle = LateVehicle(0.2)
+def test_follows_a_delay_that_changes(answering):
+    vehicle = LateVehicle(answering, 0.2)
     estimator = DelayEstimator(CONFIG, ANSWER)
     for index in range(round(50.0 / PERIOD)):
         if index == round(20.0 / PERIOD):
@@ -112,8 +112,8 @@ def test_is_bounded_and_moves_no_faster_than_it_may_whatever_comes(steps):
         before = estimator.delay_s
 
 
-def test_memory_is_all_that_is_remembered():
-    vehicle = LateVehicle(0.4)
+def test_memory_is_all_that_is_remembered(answering):
+    vehicle = LateVehicle(answering, 0.4)
     estimator, _ = learn(vehicle, weaving, 6.0)
     other = DelayEstimator(CONFIG, ANSWER, estimator.memory.copy())
     for now in (106.0, 106.02):

@@ -7,13 +7,15 @@ from collections import deque
 import numpy as np
 import pytest
 
+from runtime.models.vehicle import VehicleGeometry
 from runtime.tracking.delay_estimation import DelayConfig
 from runtime.tracking.delay_task import DelayTask
 from runtime.tracking.vehicle_answer import VehicleAnswer
 from runtime.vehicle_signals import CommandDelay, WheelCommand, WheelState
 
 SIZES = {"wheel": 4, "axle_drive": 8, "unit_frame": 6}
-PERIOD_NS, RADIUS_M = 20_000_000, 0.2
+PERIOD_NS, GEOMETRY = 20_000_000, VehicleGeometry()
+RADIUS_M = GEOMETRY.wheel_radius_m
 CONFIG = DelayConfig(initial_s=0.03)
 OPPOSITE = np.array([1.0, 1.0, -1.0, -1.0])
 
@@ -24,7 +26,7 @@ class Unit:
     def __init__(self, ticks):
         self.wheels, self.command = WheelState("/wheels", SIZES), WheelCommand("/command", SIZES)
         self.output = CommandDelay("/delay")
-        self.task = DelayTask(CONFIG, VehicleAnswer(rate_radps=1.5), RADIUS_M, self.wheels, self.command, self.output)
+        self.task = DelayTask(CONFIG, VehicleAnswer(rate_radps=1.5), GEOMETRY, self.wheels, self.command, self.output)
         self.pending, self.now_ns, self.tick = deque([(0.0, 0.0)] * ticks), 1_000_000_000, 0
         self.command.enable = self.wheels.enabled = True
 

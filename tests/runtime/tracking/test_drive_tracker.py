@@ -6,13 +6,15 @@ import math
 import numpy as np
 import pytest
 
+from runtime.models.vehicle import VehicleGeometry
 from runtime.signals import Mode, Motion, OperatorRequest, Path, SafetyStatus, Steering
 from runtime.tracking.bends import figure_eight
+from runtime.tracking.curvature_look_ahead import CurvatureLookAhead
 from runtime.tracking.drive_tracker import DriveTracker, manner_of
 from runtime.tracking.drive_tracker_config import DriveTrackerConfig
 from runtime.tracking.paths import straight
 from runtime.tracking.velocity import PlanarVelocity
-from runtime.tracking.waypoint_pursuit import FUZZY_LDC
+from runtime.tracking.waypoint_pursuit import WaypointPursuit
 from runtime.vehicle_signals import CommandDelay, SteeringMode, TwistCommand, VehicleState, WheelState
 
 PERIOD_S = 0.02
@@ -29,7 +31,8 @@ class Vehicle:
         self.delay = CommandDelay("/d")
         self.task = DriveTracker(
             CONFIG,
-            lambda memory: FUZZY_LDC,
+            VehicleGeometry(),
+            lambda memory: WaypointPursuit(look_ahead=CurvatureLookAhead(), longitudinal_gain=0.9),
             None,
             self.path,
             self.body,

@@ -18,13 +18,13 @@ def history():
     return CommandHistory(np.zeros(CommandHistory.SIZE))
 
 
-def driven(commands, answer, motion, step=0.001):
+def driven(answering, commands, answer, motion, step=0.001):
     """The same vehicle in small steps of Euler."""
     x, y, yaw, speed, angle, _ = motion
     for wanted_speed, wanted in commands:
         for _ in range(round(PERIOD / step)):
-            angle = answer.answered(angle, wanted, step)
-            speed = answer.reached(speed, wanted_speed, step)
+            angle = answering.angle(answer, angle, wanted, step)
+            speed = answering.speed(answer, speed, wanted_speed, step)
             yaw += step * 2.0 * speed * math.tan(angle) / answer.wheelbase_m
             x, y = x + step * speed * math.cos(yaw), y + step * speed * math.sin(yaw)
     return x, y, yaw, speed, angle
@@ -35,14 +35,14 @@ commands = st.lists(st.tuples(st.floats(-2.0, 2.0), st.floats(-0.6, 0.6)), min_s
 
 @settings(max_examples=40, deadline=None)
 @given(commands, st.floats(-1.0, 2.0), st.floats(-0.5, 0.5), st.floats(-3.0, 3.0))
-def test_what_was_asked_within_the_delay_is_done(asked, speed, angle, yaw):
+def test_what_was_asked_within_the_delay_is_done(answering, asked, speed, angle, yaw):
     late, now = history(), 10.0
     late.add(5.0, -9.0, 9.0)  # long done
     for index, (wanted_speed, wanted) in enumerate(asked):
         late.add(now - PERIOD * (len(asked) - index), wanted_speed, wanted)
     motion = Motion(1.0, 2.0, yaw, speed, angle)
     there = late.predicted(motion, now, PERIOD * len(asked), ANSWER)
-    assert there[:5] == pytest.approx(driven(asked, ANSWER, motion), abs=0.02)
+    assert there[:5] == pytest.approx(driven(answering, asked, ANSWER, motion), abs=0.02)
 
 
 def test_a_command_that_began_before_the_delay_counts_for_the_rest_of_its_time():

@@ -54,7 +54,7 @@ def test_heads_for_the_path_no_steeper_than_it_may(lateral, speed):
     st.floats(0.4, 2.5),
     st.floats(math.radians(10.0), math.radians(60.0)),
 )
-def test_comes_back_to_the_path_from_anywhere(lateral, heading, speed, rate):
+def test_comes_back_to_the_path_from_anywhere(answering, lateral, heading, speed, rate):
     answer, step = VehicleAnswer(rate_radps=rate), 0.02
     law = SteeredReturn(answer=answer)
     motion, travelled = Motion(1.0, lateral, heading, speed, 0.0), 0.0
@@ -63,7 +63,7 @@ def test_comes_back_to_the_path_from_anywhere(lateral, heading, speed, rate):
         closest = LINE.closest(motion.x, motion.y, travelled, 3.0, beyond_goal=True)
         travelled = closest.progress
         wanted = answer.angle_of(law(LINE, motion, closest).curvature)
-        angle = answer.answered(motion.angle, wanted, step)
+        angle = answering.angle(answer, motion.angle, wanted, step)
         yaw = motion.yaw + step * speed * answer.curvature_of(angle)
         x, y = motion.x + step * speed * math.cos(yaw), motion.y + step * speed * math.sin(yaw)
         motion = Motion(x, y, yaw, speed, angle)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from runtime.tracking.bends import Bend, arc, figure_eight, path_of_bends, s_bend
+from runtime.tracking.curvature_look_ahead import CurvatureLookAhead
 from runtime.tracking.errors import PathError
 from runtime.tracking.motion import Motion
 from runtime.tracking.paths import circle, straight
@@ -14,9 +15,11 @@ from runtime.tracking.polyline import Polyline
 from runtime.tracking.regulated_pursuit import RegulatedPursuit, RegulatedSpeed
 from runtime.tracking.steered_return import SteeredReturn
 from runtime.tracking.vehicle_tracker import VehicleTracker
-from runtime.tracking.waypoint_pursuit import FUZZY_LDC, LDC, PLAIN
+from runtime.tracking.waypoint_pursuit import WaypointPursuit
 
 LINE = np.column_stack((np.arange(0.0, 25.1, 0.3), np.zeros(84)))
+PLAIN, LDC = WaypointPursuit(), WaypointPursuit(longitudinal_gain=0.9)
+FUZZY_LDC = WaypointPursuit(look_ahead=CurvatureLookAhead(), longitudinal_gain=0.9)
 POLICIES = {"plain": PLAIN, "fuzzy-ldc": FUZZY_LDC, "steered-return": SteeredReturn()}
 DRIVE = {"acceleration": 2.0, "tick_s": 0.02, "period_s": 0.02}
 

@@ -12,10 +12,11 @@ from runtime.tracking.longitudinal import pursued_progress, pursued_waypoint
 from runtime.tracking.motion import Motion
 from runtime.tracking.paths import circle
 from runtime.tracking.polyline import Polyline
-from runtime.tracking.waypoint_pursuit import PLAIN, WaypointPursuit
+from runtime.tracking.waypoint_pursuit import WaypointPursuit
 
 LINE = np.column_stack((np.arange(0.0, 25.1, 0.3), np.zeros(84)))
 PATH = Polyline(LINE)
+PLAIN = WaypointPursuit()
 
 offsets = st.floats(-4.0, 4.0)
 gains = st.floats(0.0, 2.0)

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from runtime.models.dual_ackermann import centre_angle, centre_curvature, inner_angle
 from runtime.models.vehicle import VehicleGeometry
-from runtime.wheeled.geometry import centre_angle, centre_curvature, inner_angle
 from runtime.wheeled.steering import (
     STANDSTILL,
     Twist,
