@@ -24,9 +24,6 @@ class SpeedLimits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         approach_per_s: speed per remaining distance, close to the goal.
         approach_minimum_mps: slowest approach.
         goal_tolerance_m: remaining arc length at which to stop.
-        lead_mps: how far the command may run ahead of the measured speed.
-        trim_per_s: rate at which the trim takes up a relative deficit of speed; 0 switches it off.
-        trim_maximum: bound on the trim, as a share of the speed.
     """
 
     maximum_mps: Annotated[float, Meta(gt=0.0, le=5.0)] = 2.0
@@ -38,6 +35,17 @@ class SpeedLimits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     approach_per_s: Annotated[float, Meta(gt=0.0, le=10.0)] = 1.0
     approach_minimum_mps: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.06
     goal_tolerance_m: Annotated[float, Meta(gt=0.0, le=0.15)] = 0.03
+
+
+class TrimmedSpeed(SpeedLimits, frozen=True, forbid_unknown_fields=True):
+    """Limits of the speed of a robot that lags behind its command and does not quite reach it.
+
+    Attributes:
+        lead_mps: how far the command may run ahead of the measured speed.
+        trim_per_s: rate at which the trim takes up a relative deficit of speed; 0 switches it off.
+        trim_maximum: bound on the trim, as a share of the speed.
+    """
+
     lead_mps: Annotated[float, Meta(gt=0.0, le=5.0)] = 0.4
     trim_per_s: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.5
     trim_maximum: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.15
@@ -81,7 +89,7 @@ def surface_stretch(normal: Sequence[float], heading: float) -> float:
     return min(math.sqrt(1.0 + grade * grade), 2.0)
 
 
-def next_trim(trim: float, commanded: float, travelled: float, dt: float, limits: SpeedLimits) -> float:
+def next_trim(trim: float, commanded: float, travelled: float, dt: float, limits: TrimmedSpeed) -> float:
     """The speed trim after one step.
 
     An integral of commanded minus travelled distance. Being on distance, it telescopes to the position: neither a

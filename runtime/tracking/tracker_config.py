@@ -11,7 +11,7 @@ from msgspec import Meta
 from runtime.records import boolean, float64, int64
 from runtime.tracking.followed_path import FollowedPathMemory
 from runtime.tracking.look_ahead import FixedLookAhead, FuzzyLookAhead
-from runtime.tracking.speed import SpeedLimits
+from runtime.tracking.speed import TrimmedSpeed
 from runtime.tracking.turn import TurnLimits
 from runtime.tracking.velocity import VelocityLimits
 
@@ -37,7 +37,7 @@ class TrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     look_ahead: FixedLookAhead | FuzzyLookAhead = msgspec.field(default_factory=FuzzyLookAhead)
-    speed: SpeedLimits = msgspec.field(default_factory=SpeedLimits)
+    speed: TrimmedSpeed = msgspec.field(default_factory=TrimmedSpeed)
     turn: TurnLimits = msgspec.field(default_factory=TurnLimits)
     velocity: VelocityLimits = msgspec.field(default_factory=VelocityLimits)
     search_window_m: Annotated[float, Meta(ge=0.1, le=5.0)] = 0.6

@@ -26,6 +26,10 @@ REFUSED = {
     "no such DBC": ({"drives.dbc": "nowhere.dbc"}, ("drives.dbc", "nowhere.dbc")),
     "unknown controller": ({"variant.controller": "stanley"}, ("variant.controller", "stanley", "fuzzy-ldc")),
     "a delay beyond memory": ({"delay.maximum_s": "1.9"}, ("delay.maximum_s", "1.9")),
+    "a walker's key": (
+        {"tracker.following.speed.lead_mps": "0.4"},
+        ("tracker.following.speed.lead_mps", "unknown"),
+    ),
     "a step off the period": ({"simulation.time_step_ns": "3000000"}, ("simulation.time_step_ns", "3000000")),
 }
 

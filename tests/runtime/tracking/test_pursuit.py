@@ -10,6 +10,7 @@ from runtime.tracking.look_ahead import FixedLookAhead, FuzzyLookAhead
 from runtime.tracking.pure_pursuit import bearing, drift_angle, low_pass, pursuit_curvature
 from runtime.tracking.speed import (
     SpeedLimits,
+    TrimmedSpeed,
     approach_speed,
     next_trim,
     ramped,
@@ -130,7 +131,7 @@ def test_surface_is_longer_than_the_plan_by_the_slope_along_the_path(angle, head
 def test_trim_finds_the_speed_that_a_scale_error_hides():
     trim = 0.0
     for _ in range(1000):
-        trim = next_trim(trim, 0.6, 0.93 * 0.6 * (1 + trim) * 0.04, 0.04, LIMITS)
+        trim = next_trim(trim, 0.6, 0.93 * 0.6 * (1 + trim) * 0.04, 0.04, TrimmedSpeed())
     assert 0.93 * (1 + trim) == pytest.approx(1.0, abs=1e-6)
 
 
