@@ -202,6 +202,27 @@ class Vehicle4ws4wdConfig(RobotConfig, frozen=True, forbid_unknown_fields=True):
         longest_s = CAPACITY * self.loops.tracker_period_ns * 1e-9
         if self.delay.maximum_s > longest_s:
             raise ConfigError(f"delay.maximum_s = {self.delay.maximum_s:g} is above {longest_s:g}")
+        self._check_answers()
+
+    def _check_answers(self) -> None:
+        """There is one vehicle, however many models of its answer there are; one may take it for slower than it is."""
+        whole = "tracker.following.answer"
+        answers = {
+            whole: self.tracker.following.answer,
+            "controllers.steered_return.answer": self.controllers.steered_return.answer,
+            "controllers.mpc": self.controllers.mpc,
+        }
+        rate, lag = answers[whole].rate_radps, answers[whole].lag_s
+        for place, answer in answers.items():
+            if answer.wheelbase_m != self.vehicle.wheelbase_m:
+                raise ConfigError(
+                    f"{place}.wheelbase_m = {answer.wheelbase_m:g} differs from "
+                    f"vehicle.wheelbase_m = {self.vehicle.wheelbase_m:g}"
+                )
+            if answer.lag_s != lag:
+                raise ConfigError(f"{place}.lag_s = {answer.lag_s:g} differs from {whole}.lag_s = {lag:g}")
+            if answer.rate_radps > rate:
+                raise ConfigError(f"{place}.rate_radps = {answer.rate_radps:g} is above {whole}.rate_radps = {rate:g}")
 
 
 CONFIG = Vehicle4ws4wdConfig

@@ -26,6 +26,30 @@ REFUSED = {
     "no such DBC": ({"drives.dbc": "nowhere.dbc"}, ("drives.dbc", "nowhere.dbc")),
     "unknown controller": ({"variant.controller": "stanley"}, ("variant.controller", "stanley", "fuzzy-ldc")),
     "a delay beyond memory": ({"delay.maximum_s": "1.9"}, ("delay.maximum_s", "1.9")),
+    "another vehicle to track": (
+        {"tracker.following.answer.wheelbase_m": "1.2"},
+        ("tracker.following.answer.wheelbase_m = 1.2", "vehicle.wheelbase_m = 1.17"),
+    ),
+    "another vehicle to return": (
+        {"controllers.steered_return.answer.wheelbase_m": "1.2"},
+        ("controllers.steered_return.answer.wheelbase_m = 1.2", "vehicle.wheelbase_m = 1.17"),
+    ),
+    "another vehicle to predict": (
+        {"controllers.mpc.wheelbase_m": "1.2"},
+        ("controllers.mpc.wheelbase_m = 1.2", "vehicle.wheelbase_m = 1.17"),
+    ),
+    "a vehicle that grew": (
+        {"vehicle.wheelbase_m": "1.3"},
+        ("tracker.following.answer.wheelbase_m = 1.17", "vehicle.wheelbase_m = 1.3"),
+    ),
+    "two lags": (
+        {"controllers.mpc.lag_s": "0.1"},
+        ("controllers.mpc.lag_s = 0.1", "tracker.following.answer.lag_s = 0.05"),
+    ),
+    "a faster return than the steering": (
+        {"controllers.steered_return.answer.rate_radps": "0.9"},
+        ("controllers.steered_return.answer.rate_radps = 0.9", "tracker.following.answer.rate_radps = 0.8"),
+    ),
     "a walker's key": (
         {"tracker.following.speed.lead_mps": "0.4"},
         ("tracker.following.speed.lead_mps", "unknown"),
