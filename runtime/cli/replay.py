@@ -117,7 +117,7 @@ def _conclusion(result: ReplayResult) -> str:
     if not result.steps:
         return "nothing could be replayed"
     if result.comparing is Comparing.CHANGE:
-        return f"{len(result.shifts)} fields move"
+        return f"{sum(shift.largest > 0.0 for shift in result.shifts)} fields move"
     if result.first is not None:
         return f"first divergence: {result.first}"
     if not result.identical:

@@ -2,6 +2,7 @@
 """The vehicle through `ugv`: it drives, what it recorded is reported and replayed, and its wheels are told of."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -48,9 +49,23 @@ def test_every_task_replays_bit_for_bit(ugv, recorded):
         assert task in done.stdout
 
 
-def test_a_change_moves_the_outputs(ugv, recorded):
-    done = ugv("replay", recorded, "--task", "tracker", "--set", "controllers.fuzzy_ldc.longitudinal_gain=0.1")
+def how_outputs_move(ugv, run, setting):
+    """How many fields move, and by what root mean square the commanded velocity does."""
+    done = ugv("replay", run, "--task", "tracker", "--set", setting)
     assert done.returncode == 0, done.stderr
+    count = re.search(r"signals compared: (\d+) fields move", done.stdout)
+    velocity = re.search(r"/ugv/body_command\W+velocity\W+\d+\W+([0-9.e-]+)", done.stdout)
+    return int(count[1]), float(velocity[1])
+
+
+def test_a_change_moves_the_outputs(ugv, recorded):
+    fields, velocity_mps = how_outputs_move(ugv, recorded, "tracker.following.speed.acceleration_mps2=0.4")
+    assert fields > 0
+    assert velocity_mps > 0.01
+
+
+def test_a_change_to_what_it_is_already_moves_nothing(ugv, recorded):
+    assert how_outputs_move(ugv, recorded, "tracker.following.speed.acceleration_mps2=0.8") == (0, 0.0)
 
 
 def test_a_path_of_ones_own_that_turns_back_is_driven_judged_and_replayed(ugv, tmp_path):
