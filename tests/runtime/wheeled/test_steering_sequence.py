@@ -90,10 +90,18 @@ def test_standstill_holds_the_angles_with_hysteresis():
     angles = wheels.state.angles
     wheels.run(STANDSTILL, SteeringMode.ACKERMANN)
     assert wheels.targets.speed == (0.0,) * 4
-    between = Twist(0.0, 0.5 * (LIMITS.hold_mps + LIMITS.rest_mps), 0.0)
-    wheels.run(between)
+    between = 0.5 * (LIMITS.hold_mps + LIMITS.rest_mps)
+    wheels.run(Twist(0.0, between, 0.0))
     assert wheels.state.angles == angles
     assert not wheels.state.moving
+    wheels.run(Twist(1.01 * LIMITS.rest_mps, 0.0, 0.0), SteeringMode.ACKERMANN)
+    assert wheels.state.moving
+    wheels.run(Twist(between, 0.0, 0.0), SteeringMode.ACKERMANN)
+    assert wheels.state.moving
+    assert wheels.targets.speed == pytest.approx((between / VEHICLE.wheel_radius_m,) * 4)
+    wheels.run(Twist(0.99 * LIMITS.hold_mps, 0.0, 0.0), SteeringMode.ACKERMANN)
+    assert not wheels.state.moving
+    assert wheels.targets.speed == (0.0,) * 4
 
 
 def test_slows_while_a_wheel_lags():
