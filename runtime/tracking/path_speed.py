@@ -13,14 +13,14 @@ from runtime.tracking.curvature import mean_curvature
 from runtime.tracking.polyline import Polyline
 from runtime.tracking.speed import SpeedLimits, approach_speed, regulated_speed
 
-STATIONS = 4
-"""Places within the braking distance at which the path's curvature is looked at, besides the present one."""
 BRAKING_SHARE = 0.7
 """Share of the deceleration that is counted on, so that the ramp of the speed can follow."""
 
 
 def bend_speed(path: Polyline, progress: float, wanted: float, limits: SpeedLimits, span_m: float) -> float:
     """The wanted speed, m/s, or less, so that the limits hold here and, with the deceleration allowed, ahead.
+
+    Ahead, the path is looked at from span to span, so that no bend lies in between.
 
     Args:
         path: the path.
@@ -32,8 +32,8 @@ def bend_speed(path: Polyline, progress: float, wanted: float, limits: SpeedLimi
     allowed = regulated_speed(wanted, mean_curvature(path, progress, span_m), limits)
     braking = BRAKING_SHARE * limits.deceleration_mps2
     reach = 0.5 * allowed * allowed / braking + span_m
-    for station in range(1, STATIONS + 1):
-        way = reach * station / STATIONS
+    for station in range(1, math.ceil(reach / span_m) + 1):
+        way = station * span_m
         there = regulated_speed(wanted, mean_curvature(path, progress + way, span_m), limits)
         allowed = min(allowed, math.sqrt(there * there + 2.0 * braking * way))
     return allowed
