@@ -25,6 +25,7 @@ from runtime.tracking.path_speed import SpeedPolicy
 from runtime.tracking.prediction import CAPACITY
 from runtime.tracking.regulated_pursuit import RegulatedPursuit, RegulatedSpeed
 from runtime.tracking.steered_return import SteeredReturn
+from runtime.tracking.vehicle_answer import VehicleAnswer
 from runtime.tracking.vehicle_tracker import SteeringPolicy
 from runtime.tracking.waypoint_pursuit import WaypointPursuit
 from runtime.wheeled.steering_sequence import SteeringLimits
@@ -207,7 +208,7 @@ class Vehicle4ws4wdConfig(RobotConfig, frozen=True, forbid_unknown_fields=True):
     def _check_answers(self) -> None:
         """There is one vehicle, however many models of its answer there are; one may take it for slower than it is."""
         whole = "tracker.following.answer"
-        answers = {
+        answers: dict[str, VehicleAnswer | TrackingMpcConfig] = {
             whole: self.tracker.following.answer,
             "controllers.steered_return.answer": self.controllers.steered_return.answer,
             "controllers.mpc": self.controllers.mpc,

@@ -230,10 +230,15 @@ def test_a_path_that_cannot_be_followed_is_counted_and_the_one_before_is_kept():
     assert vehicle.command.velocity[0] == pytest.approx(0.6)
 
 
-def test_a_restored_task_goes_on_as_the_one_that_was_saved():
+@pytest.mark.parametrize("velocity", [None, (0.4, 0.0, 0.2), (0.0, 0.3, 0.0)])
+def test_a_restored_task_goes_on_as_the_one_that_was_saved(velocity):
     vehicle, other = Vehicle(aside_m=1.0), Vehicle()
     vehicle.give(straight(12.0))
     vehicle.run(4.0)
+    if velocity is not None:
+        vehicle.ask(velocity, 1.0)
+        vehicle.request.steering = Steering.PATH
+    vehicle.delay.delay = other.delay.delay = 0.3
     other.task.restore(vehicle.task.save())
     for record in ("path", "body", "wheels", "request", "safety"):
         getattr(other, record).copy_from(getattr(vehicle, record))
