@@ -2,7 +2,7 @@
 """The vehicle's control unit at the far end of the wire: it decodes commands, runs the motors, and reports.
 
 It knows nothing but the frames that it receives and its own sensors. A set of commands takes effect when all of its
-frames are there, with the same alive counter and right checksums; without a good set for the time-out it brakes.
+frames are there, good ones, with the same alive counter; without a good set for the time-out it brakes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from drivers.can_frame import CAN_FRAME, Frames
 from drivers.guarded_frames import Flaw, GuardedReceiver
 from drivers.vcu import COMMAND_FRAMES, STATE_FRAMES, TEMPERATURES, UNIT_STATE, UnitCommandMode, UnitMode, WheelFault
-from drivers.vcu_database import WHEEL_NAMES, UnitDatabase
+from drivers.vcu_database import COUNTER, WHEEL_NAMES, UnitDatabase
 from runtime.models.vehicle import WHEELS, Vehicle
 from runtime.robots.vehicle_simulation import VehicleSimulationConfig
 from sim_bridge.sensors import BatterySensor
@@ -75,7 +75,7 @@ class VirtualUnit:
         self.friction = np.zeros((COUNT, 2))
         self._receiver = GuardedReceiver(database.commands, bus)
         self.flaws, self._alive = np.zeros(len(Flaw), np.uint32), np.zeros(COMMAND_FRAMES, np.uint32)
-        self._latest: dict[int, dict[str, float]] = {}
+        self._latest: dict[int, tuple[dict[str, float], int]] = {}
         self._due: deque[_Command] = deque()
         self.sets, self._heard_ns = 0, 0
         self.enabled = self.timed_out = self._drive = False
@@ -136,12 +136,18 @@ class VirtualUnit:
     def receive(self, frames: Frames, bus: npt.NDArray[np.uint8], arrival_ns: npt.NDArray[np.int64]) -> None:
         """Take frames (m,) that came on the buses (m,) at the times (m,) ns."""
         for message, values, at_ns in self._receiver.accepted(frames, bus, arrival_ns, self._alive, self.flaws):
-            self._latest[message] = values
-            if len(self._latest) == COMMAND_FRAMES and (self._alive == self._alive[0]).all():
+            self._latest[message] = values, at_ns
+            if len(self._latest) == COMMAND_FRAMES and self._is_one_set(at_ns):
                 self._take_set(at_ns)
 
+    def _is_one_set(self, at_ns: int) -> bool:
+        """Whether the newest good frame of each kind has the same counter, and that not from a round before."""
+        counts = {values[COUNTER] for values, _ in self._latest.values()}
+        oldest_ns = min(arrival_ns for _, arrival_ns in self._latest.values())
+        return len(counts) == 1 and at_ns - oldest_ns <= self._config.command_timeout_ns
+
     def _take_set(self, at_ns: int) -> None:
-        unit, *wheels = (self._latest[message] for message in range(COMMAND_FRAMES))
+        unit, *wheels = (self._latest[message][0] for message in range(COMMAND_FRAMES))
         self._latest = {}
         self.sets, self._heard_ns = self.sets + 1, at_ns
         self._due.append(
