@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.can_frame import CAN_EFF_FLAG, CAN_ERR_FLAG, CAN_FRAME, CAN_RTR_FLAG
@@ -216,14 +216,6 @@ def test_frames_of_another_bus_are_not_the_units():
     assert vehicle.counters[Counter.UNKNOWN_ID] == STATE_FRAMES
 
 
-@given(st.lists(st.binary(min_size=16, max_size=16), max_size=8))
-def test_no_bytes_raise_anything_and_all_are_counted(packets):
-    vehicle, readings = unit(), UnitReadings.empty()
-    frames = np.frombuffer(b"".join(packets), CAN_FRAME)
-    assert decode(vehicle, frames, readings) + vehicle.counters[FLAWS].sum() >= len(packets)
-    assert np.isfinite(readings.speed).all()
-
-
 def altered(tmp_path, *changes):
     text = OWN_DBC.read_text()
     for before, after in changes:
@@ -232,6 +224,72 @@ def altered(tmp_path, *changes):
     place = tmp_path / "mine.dbc"
     place.write_text(text)
     return place
+
+
+def wide_database(tmp_path):
+    """Of a unit whose wheels may be steered further than its own DBC allows."""
+    return UnitDatabase(altered(tmp_path, ('[-1.8|1.8] "rad"', '[-3|3] "rad"')))
+
+
+@pytest.mark.parametrize("beyond", [1.8002, -1.8002, 3.0])
+def test_values_beyond_their_range_are_refused_and_counted(tmp_path, beyond):
+    vehicle, readings, wide = unit(), UnitReadings.empty(), wide_database(tmp_path)
+    assert decode(vehicle, states(0, wide, SteeringAngle=1.8), readings, arrival_ns=1) == STATE_FRAMES
+    assert decode(vehicle, states(1, wide, SteeringAngle=beyond), readings, arrival_ns=2) == STATE_FRAMES - 4
+    np.testing.assert_allclose(readings.steering, 1.8)
+    assert readings.reply_ns.tolist() == [1, 1, 1, 1, 2, 2]
+    assert vehicle.counters[Counter.OUT_OF_RANGE] == vehicle.counters.sum() == 4
+
+
+def whole(frame, draw):
+    pass
+
+
+def with_a_wrong_bit(frame, draw):
+    frame["data"][0, draw(st.integers(0, int(frame["length"][0]) - 1))] ^= 1 << draw(st.integers(0, 7))
+
+
+def of_another_length(frame, draw):
+    frame["length"] = draw(st.integers(0, 8))
+
+
+def with_a_flag(frame, draw):
+    frame["can_id"] |= draw(st.sampled_from([CAN_ERR_FLAG, CAN_RTR_FLAG, CAN_EFF_FLAG]))
+
+
+def of_another_kind(frame, draw):
+    frame["can_id"] = draw(st.integers(0, 0x7FF))
+
+
+MUTATIONS = (whole, with_a_wrong_bit, of_another_length, with_a_flag, of_another_kind)
+
+
+@st.composite
+def mutated(draw, database):
+    """A state frame, whole or with one thing wrong; a wide database lets its values be beyond their range."""
+    kind, alive = draw(st.integers(0, STATE_FRAMES - 1)), draw(st.integers(0, 3))
+    frame = states(alive, database, SteeringAngle=draw(st.floats(-3.0, 3.0)))[[kind]]
+    draw(st.sampled_from(MUTATIONS))(frame, draw)
+    return frame.tobytes()
+
+
+def test_no_bytes_raise_anything_and_each_is_taken_or_counted(tmp_path):
+    packets = st.one_of(mutated(wide_database(tmp_path)), st.binary(min_size=16, max_size=16))
+    found = np.zeros(len(Flaw), np.int64)
+
+    @settings(max_examples=300)
+    @given(st.lists(packets, max_size=8))
+    def check(packets):
+        vehicle, readings = unit(), UnitReadings.empty()
+        accepted = decode(vehicle, np.frombuffer(b"".join(packets), CAN_FRAME), readings)
+        flaws = vehicle.counters[FLAWS]
+        assert accepted + flaws.sum() - flaws[Flaw.MISSED] == len(packets)
+        assert (np.abs(readings.steering) <= 1.8).all()
+        assert np.isfinite(readings.speed).all()
+        found[:] += flaws
+
+    check()
+    assert {flaw.name for flaw in Flaw if not found[flaw]} == set()
 
 
 def test_another_dbc_may_lay_the_same_signals_out_otherwise(tmp_path):
