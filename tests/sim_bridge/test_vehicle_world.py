@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The vehicle in its world, driven by frames: it moves as its wheels stand, and its unit brakes by itself."""
 
+import itertools
 import math
 
 import msgspec
@@ -8,9 +9,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from drivers.guarded_frames import Flaw
 from drivers.memory_bus import End, MemoryBus
 from drivers.vcu import UnitCommandMode, UnitMode, UnitReadings, VehicleUnit, WheelFault
-from drivers.vcu_database import UnitDatabase
+from drivers.vcu_database import OWN_DBC, UnitDatabase
 from runtime.robots import load_configuration
 from runtime.signals import Pose
 from runtime.vehicle_signals import VehicleTruth
@@ -185,6 +187,33 @@ def test_commands_that_are_wrong_that_long_brake_it_too(wrong):
     assert rig.world.unit.mode == UnitMode.TIMED_OUT
 
 
+def test_a_set_that_lacks_a_frame_takes_none_from_the_set_before(tmp_path):
+    """Lost on the way, or refused since it asks for an angle beyond the unit's range, which its sender thinks wider."""
+    wide = tmp_path / "wide.dbc"
+    wide.write_text(OWN_DBC.read_text().replace('[-1.65|1.65] "rad"', '[-3|3] "rad"'))
+    sender, unit, times_ns = VehicleUnit(10**9, wide), Rig().world.unit, itertools.count(0, 10 * MS)
+
+    def taken(angles, *rows):
+        frames = sender.encode(UnitCommandMode.DRIVE, True, np.array(angles), np.zeros(4), 0, 0)[list(rows)]
+        at_ns = next(times_ns)
+        unit.receive(frames, np.zeros(len(rows), np.uint8), np.full(len(rows), at_ns))
+        unit.drive(np.zeros((4, 3)), np.zeros((4, 3)), at_ns)
+        return unit.sets, unit.motors.target[0].round(3).tolist()
+
+    assert taken([0.1] * 4, 0, 1, 2, 3, 4) == (1, [0.1] * 4)
+    assert taken([0.2] * 4, 0, 1, 2, 3) == (1, [0.1] * 4)
+    assert taken([0.3, 0.3, 3.0, 0.3], 0, 1, 2, 3, 4) == (1, [0.1] * 4)
+    assert taken([0.4] * 4, 1, 2, 3, 4) == (1, [0.1] * 4)
+    assert taken([0.5] * 4, 0, 1, 2, 3, 4) == (2, [0.5] * 4)
+    assert unit.flaws[Flaw.OUT_OF_RANGE] == 1
+    assert unit.flaws[Flaw.MISSED] == 2
+    assert taken([0.6] * 4, 0, 1, 2, 3, 4) == (3, [0.6] * 4)
+    # of a round before: sixteen sets later the counter is the same
+    assert taken([0.7] * 4, 4) == (3, [0.6] * 4)
+    for _ in range(17):
+        assert taken([0.8] * 4, 0, 1, 2, 3) == (3, [0.6] * 4)
+
+
 def test_the_command_delay_and_the_pose_delay_are_as_configured():
     rig = Rig(command_delay_ns=600 * MS, localization_latency_ns=600 * MS)
     rig.run(0.6, STRAIGHT, [3.0] * 4)
@@ -211,6 +240,27 @@ def test_steering_is_as_fast_as_it_is_allowed(limit):
         assert 1 / math.tan(outer) - 1 / math.tan(inner) == pytest.approx(
             2 * VEHICLE.track_m / VEHICLE.wheelbase_m, rel=0.02
         )
+
+
+def test_the_true_angles_lag_as_configured():
+    """Behind a ramp, by r T (1 - exp(-t / T)); a command takes up to 10 ms to its wheel."""
+    rate, lag_s = PHYSICS.steering_rate_radps, 0.2
+    rig = Rig(steering_lag_s=lag_s).run(0.2)
+    for tick in range(1, 61):
+        rig.run(0.01, (1.2,) * 4)
+        t = 0.01 * tick
+        expected = rate * (t - lag_s * -math.expm1(-t / lag_s))
+        np.testing.assert_allclose(rig.world.steering_angles, expected, atol=0.012 * rate)
+
+
+def test_it_speeds_up_as_its_motors_profiles_say_and_no_further_than_their_torque_carries_it():
+    """At r a, then to where the torque that the motors have left is that of rolling: w_0 (1 - M_r / M)."""
+    rig = Rig().run(0.2)
+    rig.run(1.0, STRAIGHT, [30.0] * 4)
+    assert rig.speed == pytest.approx(VEHICLE.wheel_radius_m * PHYSICS.acceleration_radps2, rel=0.03)
+    rig.run(5.0, STRAIGHT, [30.0] * 4)
+    left = 1.0 - PHYSICS.rolling_resistance_nm / PHYSICS.peak_torque_nm
+    assert rig.world.wheel_speeds == pytest.approx(PHYSICS.no_load_speed_radps * left, rel=0.01)
 
 
 def test_a_jammed_axis_is_reported_until_it_is_free_and_the_unit_enabled_anew():
