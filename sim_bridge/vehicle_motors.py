@@ -2,7 +2,8 @@
 """The steering and driving motors of a vehicle, with the controllers that its control unit runs for them.
 
 A steering motor follows a profile of limited speed with a first-order lag; a driving motor follows a speed profile of
-limited acceleration within its torque-speed curve. Both act on the true motion; what is reported of it is noisy.
+limited acceleration and deceleration within its torque-speed curve. Both act on the true motion; what is reported of it
+is noisy.
 """
 
 from __future__ import annotations
@@ -165,7 +166,9 @@ def _update(
         if braked or idle[torque.shape[0] + wheel]:
             profile[_SPEED, wheel], profile[_INTEGRAL, wheel], torque[wheel, 1] = speed, 0.0, 0.0
             continue
-        profile[_SPEED, wheel] = _toward(profile[_SPEED, wheel], target[1, wheel], step_s * config.acceleration_radps2)
+        slows = profile[_SPEED, wheel] * (target[1, wheel] - profile[_SPEED, wheel]) < 0.0
+        limit = config.deceleration_radps2 if slows else config.acceleration_radps2
+        profile[_SPEED, wheel] = _toward(profile[_SPEED, wheel], target[1, wheel], step_s * limit)
         error = profile[_SPEED, wheel] - speed
         integral = profile[_INTEGRAL, wheel] + error * step_s * config.speed_gain_nms_prad / config.speed_reset_s
         wanted = config.speed_gain_nms_prad * error + integral

@@ -29,7 +29,7 @@ class VehicleSimulationConfig(WorldConfig, frozen=True, forbid_unknown_fields=Tr
             so long is reported as stuck.
         peak_torque_nm, no_load_speed_radps: torque-speed curve of a driving motor at the wheel.
         speed_gain_nms_prad, speed_reset_s: of each wheel's speed controller, proportional and integral.
-        acceleration_radps2: limit of the wheels' speed profiles.
+        acceleration_radps2, deceleration_radps2: limits of the wheels' speed profiles, away from rest and towards it.
         brake_torque_nm: of each wheel's brake, which closes without power.
         torque_constant_nm_pa: of a driving motor, at the wheel.
         angle_noise_rad, speed_noise_radps: standard deviations of what the encoders say.
@@ -63,6 +63,7 @@ class VehicleSimulationConfig(WorldConfig, frozen=True, forbid_unknown_fields=Tr
     speed_gain_nms_prad: Positive = 25.0
     speed_reset_s: Positive = 0.2
     acceleration_radps2: Positive = 10.0
+    deceleration_radps2: Positive = 20.0
     brake_torque_nm: Positive = 35.0
     torque_constant_nm_pa: Positive = 1.2
     angle_noise_rad: NonNegative = 0.0002

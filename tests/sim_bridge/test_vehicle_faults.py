@@ -16,10 +16,14 @@ from sim_bridge.run import NullSink, wire
 from sim_bridge.simulation import simulation_of
 
 CONFIG = load_configuration("4ws4wd")
-SPEED_MPS, STRIKES_NS = 0.6, 3_000_000_000
+SPEED_MPS, FAST_MPS, STRIKES_NS = 0.6, 1.5, 3_000_000_000
 NOTICED_S = 0.3
 """A fault that shows at once is noticed within this; a wheel's steering is stuck only when it is to turn."""
-FRONT_LEFT, REAR_RIGHT = 0, 3
+FRONT_LEFT, FRONT_RIGHT, REAR_LEFT, REAR_RIGHT = range(4)
+ANSWERS_S = 0.1
+"""From a command to what wheels do: frames both ways, the lag of the steering and of the speed control."""
+LATER_NS = 250_000_000
+"""In which a second wheel of an axle comes to another angle than the first, where the path bends the other way."""
 
 
 def no_answer(wired):
@@ -58,20 +62,26 @@ def lost_bus(wired):
 
 
 @cache
-def drive(break_it, scenario="flat", ends_ns=5_500_000_000):
+def drive(break_it, scenario="flat", ends_ns=5_500_000_000, speed_mps=SPEED_MPS, strikes_ns=STRIKES_NS, later=None):
     """Drive with something broken on the way; what came of it."""
-    simulation = simulation_of(CONFIG)
-    wired = wire(CONFIG, simulation.scenario(scenario, 0), 0)
+    config = load_configuration("4ws4wd", {"scenario.speed_mps": str(speed_mps)})
+    simulation = simulation_of(config)
+    wired = wire(config, simulation.scenario(scenario, 0), 0)
     records = {record.topic: record for loop in wired.robot.loops for record in loop.writes}
     executor = Lockstep(wired.robot.loops, wired.inputs, wired.outputs, wired.world, NullSink())
     seen = SimpleNamespace(track=[], stopped_ns=0, unit=wired.world.unit, status=records[topics.SAFETY])
-    seen.wheels = records[topics.WHEEL_STATE]
+    seen.wheels, seen.lags, seen.angles = records[topics.WHEEL_STATE], [], []
+    command = records[topics.WHEEL_COMMAND_SAFE]
 
     def look(now_ns):
-        if now_ns == STRIKES_NS:
+        if now_ns == strikes_ns:
             break_it(wired)
-        if now_ns >= STRIKES_NS:
+        if later is not None and now_ns == strikes_ns + LATER_NS:
+            later(wired)
+        if now_ns >= strikes_ns:
             seen.track.append((*wired.world.position[:2], wired.world.yaw))
+            seen.angles.append(wired.world.steering_angles.copy())
+            seen.lags.append(np.abs(command.steering - wired.world.steering_angles))
         if seen.status.mode == Mode.DAMPED and not seen.stopped_ns:
             seen.stopped_ns, seen.from_here = now_ns, len(seen.track)
         return False
@@ -84,8 +94,8 @@ def travelled(track):
     return np.linalg.norm(np.diff(np.array(track)[:, :2], axis=0), axis=1).sum()
 
 
-def braking_distance():
-    return SPEED_MPS**2 / (2.0 * CONFIG.safety.brake_mps2)
+def braking_distance(speed_mps=SPEED_MPS):
+    return speed_mps**2 / (2.0 * CONFIG.safety.brake_mps2)
 
 
 @pytest.mark.parametrize(
@@ -100,12 +110,13 @@ def braking_distance():
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )
-def test_it_stops_within_its_braking_distance_and_says_why(break_it, fault):
-    seen = drive(break_it)
+@pytest.mark.parametrize("speed_mps", [SPEED_MPS, FAST_MPS])
+def test_it_stops_within_its_braking_distance_and_says_why(break_it, fault, speed_mps):
+    seen = drive(break_it, speed_mps=speed_mps)
     assert seen.status.mode == Mode.DAMPED
     assert seen.status.fault & fault
     assert 0 < seen.stopped_ns - STRIKES_NS <= NOTICED_S * 1e9
-    assert travelled(seen.track) < NOTICED_S * SPEED_MPS + braking_distance() + 0.05
+    assert travelled(seen.track) < NOTICED_S * speed_mps + braking_distance(speed_mps) + 0.05
     assert abs(seen.track[-1][1]) < 0.05
     assert np.linalg.norm(np.subtract(seen.track[-1], seen.track[-100])) < 1e-3
     assert seen.unit.mode != UnitMode.DRIVE
@@ -119,11 +130,12 @@ def test_damaged_and_stalled_states_are_told_apart():
     assert stalled.wheels.corrupt == 0
 
 
-def test_commands_that_arrive_damaged_are_not_obeyed_and_the_unit_brakes_by_itself():
-    seen = drive(damaged_commands)
+@pytest.mark.parametrize("speed_mps", [SPEED_MPS, FAST_MPS])
+def test_commands_that_arrive_damaged_are_not_obeyed_and_the_unit_brakes_by_itself(speed_mps):
+    seen = drive(damaged_commands, speed_mps=speed_mps)
     assert seen.status.fault & Fault.MOTOR_FAULT
     assert seen.unit.mode == UnitMode.TIMED_OUT
-    assert travelled(seen.track) < 0.2 * SPEED_MPS + SPEED_MPS**2 / (2.0 * 0.5 * 9.81 * 0.9) + 0.05
+    assert travelled(seen.track) < 0.2 * speed_mps + speed_mps**2 / (2.0 * 0.5 * 9.81 * 0.9) + 0.05
     assert seen.wheels.mode == UnitMode.TIMED_OUT
 
 
@@ -135,4 +147,43 @@ def test_one_that_cannot_steer_a_wheel_stops_as_straight_as_it_can():
     stop = np.array(seen.track[seen.from_here :])
     assert travelled(stop) < braking_distance() + 0.1
     assert abs(stop[-1, 2] - stop[0, 2]) < 0.05
+    assert np.linalg.norm(stop[-1] - stop[-50]) < 1e-3
+
+
+def jam(wheel):
+    return lambda wired: wired.world.unit.jam(wheel)
+
+
+@pytest.mark.parametrize("speed_mps", [SPEED_MPS, FAST_MPS])
+@pytest.mark.parametrize("axle", [(FRONT_LEFT, FRONT_RIGHT), (REAR_LEFT, REAR_RIGHT)], ids=["front", "rear"])
+@pytest.mark.parametrize("strikes_ns", [STRIKES_NS, 4_000_000_000])
+def test_one_that_cannot_steer_an_axle_stops_within_its_braking_distance_as_straight_as_it_can(
+    axle, speed_mps, strikes_ns
+):
+    """Both wheels get stuck, one after the other.
+
+    They are noticed a while after they do not turn with the others; the vehicle then stops within v^2 / (2 a) besides
+    what it goes before its wheels answer. Meanwhile the other axle turns parallel, from an angle D to the stuck one, so
+    that the vehicle turns at v D / L at first and not at all in the end; but where stuck wheels point apart by A, and
+    only one of them has been noticed so far, at worst the other leads.
+    """
+    first, second = axle
+    seen = drive(jam(first), "slalom", 7_500_000_000, speed_mps, strikes_ns, jam(second))
+    assert seen.status.mode == Mode.DAMPED
+    assert seen.status.fault & Fault.JOINT_POSITION
+    simulation, noticed = CONFIG.simulation, seen.from_here
+    late = np.array(seen.lags)[:noticed, axle].max(axis=1) > simulation.stuck_error_rad
+    since = noticed - np.argmin(late[::-1])
+    tick_s = CONFIG.loops.drive_period_ns * 1e-9
+    assert late[-1]
+    assert (noticed - since) * tick_s <= simulation.stuck_ns * 1e-9 + ANSWERS_S
+
+    stop, angles = np.array(seen.track[noticed:]), np.array(seen.angles[noticed])
+    speed = travelled(seen.track[noticed - 10 : noticed + 1]) / (10 * tick_s)
+    assert travelled(stop) < braking_distance(speed) + ANSWERS_S * speed
+    apart, free = abs(angles[first] - angles[second]), np.delete(angles, axle).mean()
+    turn = np.abs(angles[list(axle)] - free).max()
+    turning_s = ANSWERS_S + 0.5 * turn / simulation.steering_rate_radps
+    bound = (speed * turn * turning_s + travelled(stop) * apart) / CONFIG.vehicle.wheelbase_m
+    assert abs(stop[-1, 2] - stop[0, 2]) < bound + 0.01
     assert np.linalg.norm(stop[-1] - stop[-50]) < 1e-3
