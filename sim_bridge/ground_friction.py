@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -34,11 +35,19 @@ class FrictionPatch:
         if not 0.0 < self.friction < np.inf:
             raise ValueError(f"friction patch: friction = {self.friction} must be positive and finite")
 
+    def holds(self, x: Array, y: Array) -> Flags:
+        """Whether each point lies on it."""
+        return (self.x_m[0] <= x) & (x <= self.x_m[1]) & (self.y_m[0] <= y) & (y <= self.y_m[1])
+
 
 def friction_at(x: Array, y: Array, patches: Sequence[FrictionPatch], elsewhere: float) -> Array:
     """Friction of the ground at each point; of patches that overlap the last one counts."""
     friction = np.full(np.shape(x), elsewhere)
     for patch in patches:
-        inside = (patch.x_m[0] <= x) & (x <= patch.x_m[1]) & (patch.y_m[0] <= y) & (y <= patch.y_m[1])
-        friction[inside] = patch.friction
+        friction[patch.holds(x, y)] = patch.friction
     return friction
+
+
+def on_any(x: Array, y: Array, patches: Sequence[FrictionPatch]) -> Flags:
+    """Whether each point lies on a patch."""
+    return np.any([patch.holds(x, y) for patch in patches], axis=0)

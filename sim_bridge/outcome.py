@@ -12,7 +12,9 @@ import numpy.typing as npt
 from runtime.recording.metrics import path_metrics
 from runtime.recording.push import push_recovery
 from runtime.recording.settling import settling, turn_in_place
+from runtime.recording.sliding import sliding
 from runtime.tracking.sections import SectionedPath
+from sim_bridge.ground_friction import on_any
 from sim_bridge.observer import Observer
 from sim_bridge.scenario import Scenario
 
@@ -43,6 +45,8 @@ def _along_path(t: Array, xy: Array, yaw: Array, observer: Observer, course: Sce
         fell = observer.fell or bool(observer.fault)
         push = push_recovery(t, xy, path, observer.push_end_s, course.speed_mps, fell)
         outcome["push"] = push.summary()
+    if course.patches:
+        outcome["patch"] = sliding(t, xy, yaw, on_any(xy[:, 0], xy[:, 1], course.patches)).summary()
     if math.dist(course.start_pose[:2], course.waypoints[0]) > 0.0 and course.velocity is None:
         outcome["settling"] = settling(t, xy, path).summary()
     return outcome

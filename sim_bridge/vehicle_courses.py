@@ -28,6 +28,10 @@ STEERING_S = 4.0
 """For wheels that are turned by a quarter before the vehicle starts."""
 SLIPPERY = 0.3
 """Friction of the slippery patch."""
+PATCH_MARGIN_M = 1.0
+"""Of a patch, beyond a bend that lies on it: more than half the vehicle's length."""
+RUN_UP_M, BETWEEN_M = 10.0, 4.0
+"""Straights before the first and after the last of two bends, for a vehicle that takes them fast; and between them."""
 
 Ground = Callable[[int], HeightField]
 
@@ -110,6 +114,21 @@ def _slippery() -> Scenario:
     return replace(_straight("slippery", 12.0), patches=(patch,))
 
 
+def _slippery_bend() -> Scenario:
+    """Two quarter bends, of which the first lies on a slippery patch; both are as tight as the paper's."""
+    quarter = bends.arc(90.0)
+    path = bends.path_of_bends(
+        (bends.Bend(RUN_UP_M), quarter, bends.Bend(BETWEEN_M), bends.arc(-90.0), bends.Bend(RUN_UP_M))
+    )
+    radius_m = 1.0 / quarter.curvature
+    patch = FrictionPatch(
+        (RUN_UP_M - PATCH_MARGIN_M, RUN_UP_M + radius_m + PATCH_MARGIN_M),
+        (-PATCH_MARGIN_M, radius_m + PATCH_MARGIN_M),
+        SLIPPERY,
+    )
+    return replace(_drive("slippery-bend", path), patches=(patch,))
+
+
 def _asked(name: str, velocity: tuple[float, float, float], length_m: float) -> Scenario:
     """A straight way that the operator drives by velocity, in whatever direction of the vehicle."""
     forward, lateral, _ = velocity
@@ -161,6 +180,7 @@ _NAMED: dict[str, Callable[[], Scenario]] = {
     "slope-down-10": partial(_slope, "slope-down-10", -10.0),
     "rough-3cm": partial(_rough, "rough-3cm", 0.03),
     "slippery": _slippery,
+    "slippery-bend": _slippery_bend,
     "stand": partial(_still, "stand"),
 }
 CURVE = "curve"

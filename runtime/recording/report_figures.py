@@ -26,7 +26,7 @@ from runtime.recording.figure_style import (
     stack,
     svg,
 )
-from runtime.recording.report_wheels import slip_figure, steering_figure, wheel_speed_figure
+from runtime.recording.report_wheels import grip_figure, slip_figure, steering_figure, wheel_speed_figure
 from runtime.recording.run_data import RunData, yaw_of
 from runtime.recording.wake_figure import wake_figure
 from runtime.signals import Mode
@@ -44,6 +44,7 @@ def figures(data: RunData) -> list[ReportFigure]:
         steering_figure,
         wheel_speed_figure,
         slip_figure,
+        grip_figure,
         _look_ahead,
         _estimate,
         _loop_times,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of a vehicle's wheels: how they were steered, how fast they rolled, and how they slipped."""
+"""Figures of a vehicle's wheels: how they were steered and rolled, how they slipped, and what grip that left."""
 
 from __future__ import annotations
 
@@ -44,6 +44,20 @@ def slip_figure(data: RunData) -> ReportFigure | None:
         "Slip",
         "Rolling speed of each wheel minus its speed over the ground, by the larger of both; cut at the edges.",
         svg(figure),
+    )
+
+
+def grip_figure(data: RunData) -> ReportFigure | None:
+    """How much of the accelerations the tracker counts on."""
+    command = data.signals.get(run_data.BODY_COMMAND)
+    if command is None or "grip" not in (command.values.dtype.names or ()):
+        return None
+    figure, (panel,) = stack(1)
+    line(panel, command.log_ns / 1e9, command.values["grip"], "grip", GREEN)
+    panel.set_ylabel("share")
+    panel.set_ylim(0.0, 1.05)
+    return ReportFigure(
+        "Grip", "Share of its accelerations that the tracker counts on; it falls on sliding.", svg(figure)
     )
 
 

@@ -13,6 +13,7 @@ from runtime.tracking.drive_tracker_config import DriveTrackerConfig, DriveTrack
 from runtime.tracking.followed_path import FollowedPath
 from runtime.tracking.inputs import planar_pose
 from runtime.tracking.path_speed import SpeedPolicy
+from runtime.tracking.traction import next_lost, slides
 from runtime.tracking.vehicle_tracker import SteeringPolicy, TrackCommand, VehicleTracker
 from runtime.tracking.velocity import REST, PlanarVelocity, approached, wanted_velocity
 from runtime.tracking.wheel_motion import centre_angle
@@ -26,7 +27,7 @@ class DriveTracker(Task):
     again only after a withdrawal. The vehicle slows to a stand, and goes on from there, when safety asks for it, when
     it is not asked to drive, or when there is no path any more. A velocity that no path is driven with, sideways or
     turning in place, comes to rest before a path is followed. While the estimate is not finite the vehicle is to stand.
-    What is steered from is the pose at which the wheels will answer.
+    What is steered from is the pose at which the wheels will answer. Where the vehicle slides it counts on less grip.
 
     Args:
         config: parameters.
@@ -75,7 +76,9 @@ class DriveTracker(Task):
             self._tracker.begin()
         body = self._body
         pose = planar_pose(body.position, body.orientation, body.velocity, body.angular_velocity)
+        memory.lost = self._lost(now_ns)
         command.clear()
+        command.grip = 1.0 - memory.lost
         command.stamp_ns, command.rejected_paths = now_ns, memory.rejected_paths
         if pose is None:
             self._move(REST, now_ns)
@@ -97,6 +100,19 @@ class DriveTracker(Task):
         """Whether the vehicle is to slow to a stand."""
         drives = self._safety.mode == Mode.ACTIVE and self._request.motion == Motion.WALK
         return not drives or self._safety.halt != 0
+
+    def _lost(self, now_ns: int) -> float:
+        """The share of the accelerations that cannot be counted on for how the vehicle slides."""
+        memory, config, body = self.state, self._config.traction, self._body
+        dt = (now_ns - memory.stamp_ns) * 1e-9 if memory.stamp_ns else 0.0
+        asked_mps2 = memory.forward * memory.yaw_rate
+        sliding = slides(body.velocity.tolist(), body.slip.tolist(), asked_mps2, config)
+        return next_lost(
+            memory.lost,
+            sliding and memory.manner == SteeringMode.ACKERMANN,
+            min(dt, self._config.following.longest_step_s),
+            config,
+        )
 
     def _roam(self, wanted: PlanarVelocity, now_ns: int) -> None:
         """Follow a velocity."""
@@ -126,7 +142,9 @@ class DriveTracker(Task):
         forward, yaw_rate = float(self._body.velocity[0]), float(self._body.angular_velocity[2])
         angle = centre_angle(self._wheels.steering, self._geometry)
         moving = motion.Motion(*pose, forward, angle, yaw_rate)
-        wanted = self._tracker.step(now_ns * 1e-9, moving, memory.path_speed, self._delay.delay, self._halted)
+        wanted = self._tracker.step(
+            now_ns * 1e-9, moving, memory.path_speed, self._delay.delay, self._halted, command.grip
+        )
         memory.forward, memory.lateral, memory.yaw_rate = wanted.speed, 0.0, wanted.yaw_rate
         memory.manner = SteeringMode.SPIN if wanted.turning else SteeringMode.ACKERMANN
         memory.arrived, memory.progress, memory.roaming = wanted.arrived, wanted.progress, False

@@ -7,6 +7,7 @@ import msgspec
 
 from runtime.records import Record, boolean, float64, float64_array, int64, uint8, uint32_array
 from runtime.tracking.followed_path import FollowedPathMemory
+from runtime.tracking.traction import TractionConfig
 from runtime.tracking.vehicle_tracker import VehicleTracker, VehicleTrackerConfig
 from runtime.tracking.velocity import VelocityLimits
 
@@ -17,10 +18,12 @@ class DriveTrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     Attributes:
         following: of a path.
         velocity: limits of a velocity that the operator asks for instead.
+        traction: when the vehicle slides, and what it then counts on.
     """
 
     following: VehicleTrackerConfig = msgspec.field(default_factory=VehicleTrackerConfig)
     velocity: VelocityLimits = msgspec.field(default_factory=VelocityLimits)
+    traction: TractionConfig = msgspec.field(default_factory=TractionConfig)
 
 
 class SolveMemory(Record):
@@ -42,4 +45,5 @@ class DriveTrackerMemory(FollowedPathMemory, SolveMemory):
     yaw_rate = float64("rad/s", "last command")
     progress = float64("m", "along the path")
     manner = uint8("", "SteeringMode of the last command")
+    lost = float64("", "share of the accelerations that is not counted on, since the vehicle slides or has slid")
     tracked = float64_array(VehicleTracker.SIZE, "", "what the path's tracker remembers")

@@ -42,7 +42,9 @@ def bend_speed(path: Polyline, progress: float, wanted: float, limits: SpeedLimi
 class SpeedPolicy(Protocol):
     """How fast to drive."""
 
-    def __call__(self, path: Polyline, curvature: float, progress: float, remaining: float, wanted: float) -> float:
+    def __call__(
+        self, path: Polyline, curvature: float, progress: float, remaining: float, wanted: float, grip: float = 1.0
+    ) -> float:
         """The speed, m/s.
 
         Args:
@@ -51,6 +53,7 @@ class SpeedPolicy(Protocol):
             progress: arc length of the vehicle, m.
             remaining: arc length to where the vehicle is to stop, m.
             wanted: m/s, positive.
+            grip: share of the accelerations that may be counted on, 0 to 1.
         """
 
 
@@ -65,7 +68,10 @@ class PathSpeed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     limits: SpeedLimits
     span_m: Annotated[float, Meta(ge=0.05, le=5.0)] = 0.6
 
-    def __call__(self, path: Polyline, curvature: float, progress: float, remaining: float, wanted: float) -> float:
+    def __call__(
+        self, path: Polyline, curvature: float, progress: float, remaining: float, wanted: float, grip: float = 1.0
+    ) -> float:
         """The speed, m/s."""
-        allowed = bend_speed(path, progress, wanted, self.limits, self.span_m)
-        return approach_speed(regulated_speed(allowed, curvature, self.limits), remaining, self.limits)
+        limits = self.limits.with_grip(grip)
+        allowed = bend_speed(path, progress, wanted, limits, self.span_m)
+        return approach_speed(regulated_speed(allowed, curvature, limits), remaining, limits)

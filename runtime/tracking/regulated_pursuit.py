@@ -68,8 +68,10 @@ class RegulatedSpeed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     approach_m: Positive = 0.6
     approach_least_mps: Positive = 0.05
 
-    def __call__(self, path: Polyline, curvature: float, progress: float, remaining: float, wanted: float) -> float:
-        """The speed, m/s."""
+    def __call__(
+        self, path: Polyline, curvature: float, progress: float, remaining: float, wanted: float, grip: float = 1.0
+    ) -> float:
+        """The speed, m/s; as published it does not ask for the grip."""
         tightness = abs(curvature) * self.least_radius_m
         regulated = max(wanted / max(tightness, 1.0), min(wanted, self.least_mps))
         return min(regulated, max(wanted * remaining / self.approach_m, self.approach_least_mps))

@@ -50,6 +50,17 @@ class TrimmedSpeed(SpeedLimits, frozen=True, forbid_unknown_fields=True):
     trim_per_s: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.5
     trim_maximum: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.15
 
+    def with_grip(self, share: float) -> SpeedLimits:
+        """The same where the ground bears only a share of the accelerations, 0 to 1."""
+        if share >= 1.0:
+            return self
+        return msgspec.structs.replace(
+            self,
+            acceleration_mps2=share * self.acceleration_mps2,
+            deceleration_mps2=share * self.deceleration_mps2,
+            lateral_acceleration_mps2=share * self.lateral_acceleration_mps2,
+        )
+
 
 def regulated_speed(wanted: float, curvature: float, limits: SpeedLimits) -> float:
     """The wanted speed, m/s, or less where the curvature (1/m) asks for too much lateral acceleration or yaw rate."""

@@ -195,7 +195,13 @@ class VehicleTracker:
         return TrackState(*self._scalars.tolist())
 
     def step(
-        self, now_s: float, motion: Motion, wanted_mps: float, delay_s: float = 0.0, halted: bool = False
+        self,
+        now_s: float,
+        motion: Motion,
+        wanted_mps: float,
+        delay_s: float = 0.0,
+        halted: bool = False,
+        grip: float = 1.0,
     ) -> TrackCommand:
         """The command for now. A path must have been taken up.
 
@@ -205,6 +211,7 @@ class VehicleTracker:
             wanted_mps: speed along the path.
             delay_s: from a command to the wheels; 0 compensates for none.
             halted: slow to a stand, and keep to the path meanwhile.
+            grip: share of the accelerations that may be counted on, 0 to 1.
         """
         state, config, course = self._state, self._config, self._course
         assert course is not None
@@ -226,9 +233,9 @@ class VehicleTracker:
         turning = not state.arrived and needs_turn(bool(state.turning), heading_error, config.turn)
         pursuit = self._policy(path, seen, closest)
         stand = halted or turning or bool(state.arrived)
-        wanted = 0.0 if stand else self._speed(path, pursuit.curvature, closest.progress, remaining, wanted_mps)
+        wanted = 0.0 if stand else self._speed(path, pursuit.curvature, closest.progress, remaining, wanted_mps, grip)
         limits = config.speed
-        speed = ramped(sign * state.forward, wanted, limits.acceleration_mps2, limits.deceleration_mps2, dt)
+        speed = ramped(sign * state.forward, wanted, grip * limits.acceleration_mps2, limits.deceleration_mps2, dt)
         if state.arrived:
             speed = 0.0
         curvature = sign * state.curvature

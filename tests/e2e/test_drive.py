@@ -35,7 +35,7 @@ def test_it_arrives_and_says_how(recorded, drive):
 
 def test_the_report_shows_wheels_and_no_legs(recorded):
     text = (recorded / "report.html").read_text()
-    for title in ("Steering angles", "Wheel speeds", "Slip", "Look-ahead", "Estimate"):
+    for title in ("Steering angles", "Wheel speeds", "Slip", "Grip", "Look-ahead", "Estimate"):
         assert f"<h2>{title}</h2>" in text
     for word in ("Joint torques", "k_v", "swing", "trunk", "MPC", "WBC"):
         assert word not in text

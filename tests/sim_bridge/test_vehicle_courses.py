@@ -3,9 +3,12 @@
 
 import math
 
+import numpy as np
 import pytest
 
+from runtime.tracking.curvature import mean_curvature
 from runtime.tracking.errors import PathError
+from runtime.tracking.paths import Polyline
 from runtime.tracking.sections import SectionedPath
 from sim_bridge.vehicle_courses import UnknownScenarioError, custom, scenario, scenario_names
 
@@ -56,6 +59,17 @@ def test_a_path_of_ones_own_may_turn_back():
 def test_only_paths_are_closed_that_lead_back():
     assert scenario("figure-eight").closed
     assert not scenario("slalom").closed
+
+
+def test_the_slippery_bend_lies_on_its_patch_whole_and_the_other_bend_does_not():
+    course = scenario("slippery-bend")
+    path, (patch,) = Polyline(course.waypoints), course.patches
+    bent = [s for s in np.arange(0.0, path.length, 0.1) if abs(mean_curvature(path, s, 0.6)) > 0.2]
+    on_it = np.array([patch.holds(*path.point(s)) for s in bent])
+    first = np.array([mean_curvature(path, s, 0.6) > 0.0 for s in bent])
+    assert (on_it == first).all()
+    assert patch.friction == 0.3
+    assert 0 < first.sum() < len(first)
 
 
 @pytest.mark.parametrize("name", ["circle-6cm", "straight-0.5", "straight-101", "wheelie", ""])

@@ -248,3 +248,34 @@ def test_a_restored_task_goes_on_as_the_one_that_was_saved(velocity):
         other.step()
         assert other.command.to_bytes() == vehicle.command.to_bytes()
         assert other.task.save() == vehicle.task.save()
+
+
+def sliding(vehicle, lateral_mps):
+    """A step of a vehicle whose centre moves across its heading besides, seen by its estimator only."""
+    vehicle.step()
+    vehicle.body.velocity[1] = lateral_mps
+
+
+def test_where_it_slides_it_slows_down_and_says_so_and_comes_back_slowly():
+    """On an arc at 2 m/s^2 of lateral acceleration; the share of it that is counted on is that of v^2 k."""
+    traction, vehicle = CONFIG.traction, Vehicle()
+    vehicle.give(figure_eight(), closed=True, speed=3.0)
+    vehicle.run(6.0)
+    assert vehicle.command.grip == 1.0
+    fast = vehicle.command.velocity[0]
+    for _ in range(50):
+        sliding(vehicle, 0.3)
+    assert vehicle.command.grip == pytest.approx(traction.least)
+    assert vehicle.command.velocity[0] == pytest.approx(fast - CONFIG.following.speed.deceleration_mps2, abs=0.05)
+    vehicle.run(1.0)
+    assert vehicle.command.grip == pytest.approx(traction.least + traction.rise_per_s, abs=0.01)
+
+
+def test_a_vehicle_that_is_asked_to_move_sideways_does_not_slide():
+    vehicle = Vehicle()
+    vehicle.request.steering, vehicle.request.velocity = Steering.VELOCITY, (0.0, 0.2, 0.0)
+    for _ in range(100):
+        vehicle.request.velocity_ns = vehicle.now_ns
+        vehicle.step()
+    assert vehicle.body.velocity[1] == pytest.approx(0.2)
+    assert vehicle.command.grip == 1.0
