@@ -44,6 +44,8 @@ def summary_rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "onto the path", _settling(summary["settling"])
     if "turn" in summary:
         yield "turn", _turn(summary["turn"])
+    if "patch" in summary:
+        yield "slippery patch", _patch(summary["patch"])
     for name, label in LOOPS.items():
         if f"{name}_ms" in summary:
             yield label, _joined(summary[f"{name}_ms"], 1.0, "ms")
@@ -97,6 +99,14 @@ def _turn(turn: Mapping[str, Any]) -> str:
     turned, error, moved = turn["turned_rad"], turn["error_rad"], turn["displacement_m"]
     degrees = f"{turned * _DEGREES:.1f} degrees, {error * _DEGREES:+.1f} from what was asked"
     return f"{degrees}, displaced by up to {moved * _CENTIMETRES:.1f} cm"
+
+
+def _patch(patch: Mapping[str, Any]) -> str:
+    words = [f"side slip up to {patch['side_slip_max_rad'] * _DEGREES:.1f} degrees"]
+    for key, what in (("speed_entry_mps", "entered at"), ("speed_least_mps", "slowest"), ("speed_mean_mps", "mean")):
+        if patch[key] is not None:
+            words.append(f"{what} {patch[key]:.2f} m/s")
+    return ", ".join(words)
 
 
 def _push(push: Mapping[str, Any]) -> str:

@@ -56,6 +56,20 @@ def test_every_figure_is_said_with_its_unit() -> None:
     }
 
 
+@pytest.mark.parametrize(
+    ("speeds", "said"),
+    [
+        ((3.0, 1.894, 2.42), ", entered at 3.00 m/s, slowest 1.89 m/s, mean 2.42 m/s"),
+        ((None, None, None), ""),
+    ],
+)
+def test_a_slippery_patch_is_told_of(speeds: tuple[float | None, ...], said: str) -> None:
+    entry, least, mean = speeds
+    patch = {"side_slip_max_rad": 0.1, "speed_entry_mps": entry, "speed_least_mps": least, "speed_mean_mps": mean}
+    rows = dict(summary_rows({"completed": True, "patch": patch}))
+    assert rows["slippery patch"] == f"side slip up to 5.7 degrees{said}"
+
+
 def test_what_a_run_does_not_have_is_left_out() -> None:
     assert dict(summary_rows({"completed": False, "fell": True, "completion_time_s": None})) == {
         "outcome": "NOT completed, FELL"
