@@ -36,6 +36,17 @@ class SpeedLimits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     approach_minimum_mps: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.06
     goal_tolerance_m: Annotated[float, Meta(gt=0.0, le=0.15)] = 0.03
 
+    def with_grip(self, share: float) -> SpeedLimits:
+        """The same where the ground bears only a share of the accelerations, 0 to 1."""
+        if share >= 1.0:
+            return self
+        return msgspec.structs.replace(
+            self,
+            acceleration_mps2=share * self.acceleration_mps2,
+            deceleration_mps2=share * self.deceleration_mps2,
+            lateral_acceleration_mps2=share * self.lateral_acceleration_mps2,
+        )
+
 
 class TrimmedSpeed(SpeedLimits, frozen=True, forbid_unknown_fields=True):
     """Limits of the speed of a robot that lags behind its command and does not quite reach it.
@@ -49,17 +60,6 @@ class TrimmedSpeed(SpeedLimits, frozen=True, forbid_unknown_fields=True):
     lead_mps: Annotated[float, Meta(gt=0.0, le=5.0)] = 0.4
     trim_per_s: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.5
     trim_maximum: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.15
-
-    def with_grip(self, share: float) -> SpeedLimits:
-        """The same where the ground bears only a share of the accelerations, 0 to 1."""
-        if share >= 1.0:
-            return self
-        return msgspec.structs.replace(
-            self,
-            acceleration_mps2=share * self.acceleration_mps2,
-            deceleration_mps2=share * self.deceleration_mps2,
-            lateral_acceleration_mps2=share * self.lateral_acceleration_mps2,
-        )
 
 
 def regulated_speed(wanted: float, curvature: float, limits: SpeedLimits) -> float:
