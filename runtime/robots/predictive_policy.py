@@ -21,7 +21,11 @@ SPAN_M = 0.6
 
 
 class PredictivePolicy:
-    """Solves at every step; where that fails, the last angle is held and the failure counted.
+    """Solves at every step, from the angle that the wheels will have; where that fails, the last angle is held.
+
+    What was asked for before has no part in a solution: at a cusp the other end of the vehicle becomes its front, and
+    before a new path the wheels may have been steered by somebody else. For the same reason, the angle that is held is
+    brought within one step's turn of the wheels.
 
     Args:
         config: of the predictive tracker.
@@ -30,17 +34,23 @@ class PredictivePolicy:
 
     def __init__(self, config: TrackingMpcConfig, memory: SolveMemory) -> None:
         self._mpc, self._wheelbase_m, self._memory = TrackingMpc(config), config.wheelbase_m, memory
+        self._reach_rad = config.rate_radps * config.step_s
 
     def __call__(self, path: Polyline, motion: Motion, closest: ClosestPoint) -> Pursuit:
         """The arc for a vehicle that drives forwards; the closest point of the path is known."""
         memory, mpc = self._memory, self._mpc
         spacing, heading = mpc.station_spacing(motion.speed), wrapped(motion.yaw - closest.heading)
         curvatures = np.array(curvatures_ahead(path, closest.progress, spacing, mpc.stations, SPAN_M))
-        before = float(memory.angle[0])
-        answer = mpc.solve(closest.lateral_error, heading, motion.angle, before, motion.speed, curvatures)
+        answer = mpc.solve(closest.lateral_error, heading, motion.angle, motion.angle, motion.speed, curvatures)
         memory.residual[0] = answer.residual
         if answer.solved and math.isfinite(answer.angle):
             memory.angle[0] = answer.angle
         else:
             memory.failures[0] += 1
+            memory.angle[0] = self._held(motion.angle)
         return Pursuit(centre_curvature(float(memory.angle[0]), self._wheelbase_m), (closest.x, closest.y), 0.0)
+
+    def _held(self, present: float) -> float:
+        """The last angle, or the nearest to it within a step's turn of the wheels; the last, if theirs is unknown."""
+        # the first argument is what remains where the other is no number
+        return min(max(float(self._memory.angle[0]), present - self._reach_rad), present + self._reach_rad)
