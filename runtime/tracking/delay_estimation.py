@@ -31,7 +31,7 @@ class DelayConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         initial_s: delay before anything has been learnt.
-        maximum_s: greatest delay.
+        maximum_s: greatest delay; with 0 none is reckoned with, nor learnt.
         memory_s: time constant over which mismatches are forgotten, counted while something changes.
         angle_scale_rad: mismatch of the centre angle that counts as much as that of the speed below.
         speed_scale_mps: see there.
@@ -41,7 +41,7 @@ class DelayConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     initial_s: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.2
-    maximum_s: Annotated[float, Meta(gt=0.0, le=2.0)] = 1.0
+    maximum_s: Annotated[float, Meta(ge=0.0, le=2.0)] = 1.0
     memory_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 5.0
     angle_scale_rad: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.02
     speed_scale_mps: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.05

@@ -112,6 +112,13 @@ def test_is_bounded_and_moves_no_faster_than_it_may_whatever_comes(steps):
         before = estimator.delay_s
 
 
+def test_with_a_maximum_of_nothing_no_delay_is_reckoned_with_nor_learnt(answering):
+    estimator = DelayEstimator(DelayConfig(initial_s=0.0, maximum_s=0.0), ANSWER)
+    _, trace = learn(LateVehicle(answering, 0.4), weaving, 10.0, estimator)
+    assert not trace.any()
+    assert math.isfinite(estimator.memory.sum())
+
+
 def test_memory_is_all_that_is_remembered(answering):
     vehicle = LateVehicle(answering, 0.4)
     estimator, _ = learn(vehicle, weaving, 6.0)
