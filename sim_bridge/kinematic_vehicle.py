@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A vehicle without mass or slip, steered at its centre angle: the plant on which methods of tracking are compared.
 
-Its commands take effect late, and its motion is seen late:
+Its commands take effect late, and its pose is seen late:
 
     x' = v cos(psi),  y' = v sin(psi),  psi' = 2 v tan(delta) / L,
 
 with the centre angle delta and the speed v following their commands at bounded rates. Over a tick in which the angle
-does not change, the motion is the exact arc.
+does not change, the motion is the exact arc. What is late about a late pose is the localisation: the encoders of the
+wheels and the gyroscope tell of the present.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class KinematicPlant(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         wheelbase_m: L.
         command_delay_ns: from a command to the wheels.
-        pose_delay_ns: age of the motion that is seen.
+        pose_delay_ns: age of the pose that is seen.
         steering_rate_radps: greatest rate of the centre angle; infinite for an angle that is there at once.
         acceleration_mps2: greatest rate of the speed.
         tick_ns: time step; it divides both delays.
@@ -71,12 +72,13 @@ class KinematicVehicle:
         self.motion = Motion(*pose, speed)
         self._asked = (speed, 0.0)
         self._on_their_way = deque([self._asked] * (plant.command_delay_ns // plant.tick_ns))
-        self._seen = deque([self.motion], maxlen=plant.pose_delay_ns // plant.tick_ns + 1)
+        self._poses = deque([pose], maxlen=plant.pose_delay_ns // plant.tick_ns + 1)
 
     @property
     def seen(self) -> Motion:
-        """The motion as it was before the pose delay; at first, as it was at the start."""
-        return self._seen[0]
+        """The pose of before the pose delay (at first, that of the start), with speed, angle and yaw rate of now."""
+        x, y, yaw = self._poses[0]
+        return self.motion._replace(x=x, y=y, yaw=yaw)
 
     def command(self, speed: float, curvature: float) -> None:
         """Ask for a speed, m/s, and a curvature of the centre's path, 1/m, from now on."""
@@ -102,7 +104,7 @@ class KinematicVehicle:
             angle,
             2.0 * speed * math.tan(angle) / plant.wheelbase_m,
         )
-        self._seen.append(self.motion)
+        self._poses.append(self.motion[:3])
 
 
 def _bounded(change: float, most: float) -> float:

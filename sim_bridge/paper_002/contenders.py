@@ -22,7 +22,12 @@ FASTEST_RETURN_RADPS = math.radians(60.0)
 
 
 class DelayHandling(Enum):
-    """What a method makes of the delay from a command to what is seen of it."""
+    """What a method makes of delays: that from a command to the wheels, and that of the pose.
+
+    One that ignores them takes a late pose for the present one, as the paper's vehicle does. The others have its stamp
+    and the wheels' encoders, and carry it on to the present, as the vehicle's filter does; what is left for them to
+    know or to learn is the delay of the commands.
+    """
 
     IGNORED = "ignored"
     KNOWN = "known"
@@ -35,8 +40,8 @@ class Contender(NamedTuple):
     Attributes:
         name: as it is printed.
         controller: of the vehicle.
-        delay: what is made of the delay: the pose is predicted over one that is known, or over one that is learnt from
-            the vehicle's answers while it drives.
+        delay: what is made of it: the pose is predicted over one that is known, or over one that is learnt from the
+            vehicle's answers while it drives.
         settings: configuration keys and values in which it differs from the vehicle's own.
     """
 

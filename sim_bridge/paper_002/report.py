@@ -18,7 +18,9 @@ TITLE = "Paper 002: pure pursuit with longitudinal distance constraint"
 FOOTER = (
     "Kinematic plants: wheelbase 1.17 m, track 0.74 m, steering at 20 degrees a second on the centre angle (the ideal "
     "one at once), commands every 0.12 s, 0.6 m/s, rolling at the start; errors are distances of the true centre to "
-    "the path. The paper's own figures are of its vehicle."
+    "the path. Where the pose is late, the wheels' encoders are not: methods that make nothing of a delay take the late"
+    " pose for the present one, the others carry it on by its stamp and the wheels, as the vehicle's filter does. In "
+    "MuJoCo all drive by that filter. The paper's own figures are of its vehicle."
 )
 
 

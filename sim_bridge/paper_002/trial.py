@@ -20,6 +20,7 @@ from runtime.tracking.vehicle_answer import VehicleAnswer
 from runtime.tracking.vehicle_tracker import TrackCommand, VehicleTracker
 from sim_bridge.kinematic_vehicle import NS_PER_SECOND, KinematicPlant, KinematicVehicle
 from sim_bridge.paper_002.contenders import Contender, DelayHandling, configuration, policy_of
+from sim_bridge.paper_002.dead_reckoning import DeadReckoning
 from sim_bridge.paper_002.plants import PLANTS
 from sim_bridge.scenario import Scenario
 from sim_bridge.vehicle_courses import scenario
@@ -28,8 +29,8 @@ Array = npt.NDArray[np.float64]
 STRAIGHT = "straight"
 PERIOD_NS = 120_000_000
 """Of the commands; the paper's figures are met at this period."""
-LEARNING_PERIOD_NS = 20_000_000
-"""Of the looks at the wheels that the delay is learnt from, as on the vehicle."""
+LOOK_PERIOD_NS = 20_000_000
+"""Of the looks at the wheels, as on the vehicle; it divides the period of the commands and all delays of the pose."""
 BEGIN_S = 1.0
 """On the tracker's clock, whose times are positive."""
 GOAL_PASSED_M = 1e-6
@@ -60,7 +61,7 @@ class Outcome(NamedTuple):
         mean_m: mean error, start included.
         settling: how the vehicle came to the path.
         inner_rad: largest steering angle of the inner front wheel that was asked for.
-        delay_s: what the contender took the delay for in the end.
+        delay_s: what the contender took the delay of the commands for in the end.
         t, xy, lateral_m: time, true position (n x 2) and signed error, of few samples; for pictures.
     """
 
@@ -81,10 +82,10 @@ class Driver:
     Args:
         contender: who.
         course: what is followed.
-        plant: what the contender is told of its steering, and of its delay if it is told.
+        plant: what the contender is told of its steering, of the age of its pose, and of its delay if it is told.
 
     Attributes:
-        delay_s: what the delay is taken for at present.
+        delay_s: what the delay of the commands is taken for at present.
         geometry: of the vehicle.
     """
 
@@ -98,14 +99,20 @@ class Driver:
         self._tracker.restart(course.speed_mps)
         self._estimator: DelayEstimator | None = None
         self.delay_s = 0.0
+        pose_age_s = 0.0 if contender.delay is DelayHandling.IGNORED else plant.pose_delay_ns / NS_PER_SECOND
+        self._reckoning = DeadReckoning(pose_age_s, LOOK_PERIOD_NS / NS_PER_SECOND)
         if contender.delay is DelayHandling.KNOWN:
-            self.delay_s = (plant.command_delay_ns + plant.pose_delay_ns) / NS_PER_SECOND
+            self.delay_s = plant.command_delay_ns / NS_PER_SECOND
         elif contender.delay is DelayHandling.LEARNT:
             self._estimator = DelayEstimator(config.delay, self._answer)
 
+    def look(self, seen: Motion) -> None:
+        """Look at the wheels, once a `LOOK_PERIOD_NS`."""
+        self._reckoning.look(seen)
+
     def command(self, now_s: float, seen: Motion) -> TrackCommand:
-        """The command for what is seen."""
-        return self._tracker.step(now_s, seen, self._speed, self.delay_s)
+        """The command for what is seen, and has been looked at."""
+        return self._tracker.step(now_s, self._reckoning.present(seen), self._speed, self.delay_s)
 
     def learn(self, now_s: float, seen: Motion, command: TrackCommand) -> None:
         """Learn the delay, or not, from what is seen and the command that holds."""
@@ -154,14 +161,16 @@ def _driven(
 ) -> Iterator[tuple[Motion, TrackCommand]]:
     """Motion and present command at each tick, until the vehicle stands at the goal or the time is over."""
     vehicle = KinematicVehicle(plant, course.start_pose, course.speed_mps)
-    every, learning_every = PERIOD_NS // plant.tick_ns, LEARNING_PERIOD_NS // plant.tick_ns
+    every, look_every = PERIOD_NS // plant.tick_ns, LOOK_PERIOD_NS // plant.tick_ns
     for tick in range(math.ceil(limit_s * NS_PER_SECOND / plant.tick_ns)):
-        now_s = BEGIN_S + tick * plant.tick_ns / NS_PER_SECOND
+        now_s, seen = BEGIN_S + tick * plant.tick_ns / NS_PER_SECOND, vehicle.seen
+        if tick % look_every == 0:
+            driver.look(seen)
         if tick % every == 0:
-            command = driver.command(now_s, vehicle.seen)
+            command = driver.command(now_s, seen)
             vehicle.command(command.speed, command.curvature)
-        if tick % learning_every == 0:
-            driver.learn(now_s, vehicle.seen, command)
+        if tick % look_every == 0:
+            driver.learn(now_s, seen, command)
         yield vehicle.motion, command
         if command.arrived and vehicle.motion.speed == 0.0:
             return
