@@ -39,6 +39,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=positive, metavar="N", help="runs of each comparison (10, 1), or fault (3)")
     parser.add_argument("--realtime", action="store_true", help="faults: against the wall clock, processes included")
     parser.add_argument("--plant", choices=PLANTS, help="paper-002: only on this one")
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="paper-002: of the drives in MuJoCo the 16 that tell most",
+    )
     parser.add_argument("--only", metavar="TEXT", default="", help="faults with --realtime: those so named")
     parser.add_argument("--out", type=Path, metavar="DIR", help="of paper-002's report, or of live faults' logs")
 
@@ -54,7 +59,8 @@ def run(options: argparse.Namespace) -> int:
             return run_live_faults(options.seeds or 1, options.only, options.out)
         return run_faults(options.seeds or 3)
     if options.name == "paper-002":
-        return run_paper_002((options.plant,) if options.plant else PLANTS, options.seeds or 1, options.out)
+        plants = (options.plant,) if options.plant else PLANTS
+        return run_paper_002(plants, options.seeds or 1, options.quick, options.out)
     return compare_controllers(options.seeds or 10)
 
 

@@ -49,23 +49,21 @@ class Claim(NamedTuple):
 
 def claims(results: Results) -> list[Claim]:
     """All of them."""
-    ours, paper = results.straight(WORST, OURS), TABLE_II[BEST_GAIN.name]
-    straight = f"straight, {WORST}"
-    table = [
-        Claim(f"{straight}: mean error over 25 s, m", ours.settling.mean_25_s_m, 0.25, 0.235, paper.mean_m),
-        Claim(f"{straight}: settled to 5 cm after, s", ours.settling.time_s, 9.5, 8.0, paper.settled_s),
-        Claim(f"{straight}: overshoot, m", ours.settling.overshoot_m, 0.09, 0.05),
-        Claim(
-            f"{straight}: largest inner angle, to plain pursuit's",
-            results.inner_ratio(WORST, OURS),
-            0.53,
-            0.4,
-            INNER_RATIO,
-        ),
-    ]
+    table = [*_of_the_straight(results, OURS, decides=True), *_of_the_straight(results, COMPENSATED, decides=False)]
     for contender in (COMPENSATED, OURS, FUZZY, PAPERS):
         table += _of_curves(results, contender, decides=contender in (COMPENSATED, OURS))
     return table
+
+
+def _of_the_straight(results: Results, contender: Contender, decides: bool) -> list[Claim]:
+    what, paper = f"straight, {WORST}, {contender.name}", TABLE_II[BEST_GAIN.name]
+    settling, inner = results.straight(WORST, contender).settling, results.inner_ratio(WORST, contender)
+    return [
+        Claim(f"{what}: mean error over 25 s, m", settling.mean_25_s_m, 0.25, 0.235, paper.mean_m, decides),
+        Claim(f"{what}: settled to 5 cm after, s", settling.time_s, 9.5, 8.0, paper.settled_s, decides),
+        Claim(f"{what}: overshoot, m", settling.overshoot_m, 0.09, 0.05, None, decides),
+        Claim(f"{what}: largest inner angle, to plain pursuit's", inner, 0.53, 0.4, INNER_RATIO, decides),
+    ]
 
 
 def _of_curves(results: Results, contender: Contender, decides: bool) -> list[Claim]:

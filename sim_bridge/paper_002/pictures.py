@@ -38,6 +38,7 @@ LINEAR_M, ERROR_TICKS_M = 0.1, (-1.0, -0.1, -0.05, 0.0, 0.05, 0.1, 1.0)
 SHOWN_LENGTH_M = 10.0
 """Of the straight: beyond it all are on the line, or will not be."""
 STRAIGHT_PLANTS = (IDEAL, PROMPT, late_pose(DELAYS_NS[-1]), WORST)
+CURVE_PLANTS = (PROMPT, *(late(delay) for late in (late_pose, late_command) for delay in DELAYS_NS))
 
 
 def pictures(results: Results) -> list[ReportFigure]:
@@ -46,7 +47,7 @@ def pictures(results: Results) -> list[ReportFigure]:
         return [
             *(_straight(results, plant, GAINS, "the paper's gains") for plant in STRAIGHT_PLANTS),
             _straight(results, WORST, SHOWN, "methods"),
-            *(_curves(results, late_command(delay)) for delay in (0, *DELAYS_NS)),
+            *(_curves(results, plant) for plant in CURVE_PLANTS),
         ]
 
 

@@ -5,23 +5,38 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache
+from math import nan
 from statistics import fmean
 from typing import Any, NamedTuple
 
 from runtime.robots import load_configuration
 from runtime.robots.vehicle_4ws4wd.config import Vehicle4ws4wdConfig
-from sim_bridge.paper_002.contenders import CONTENDERS, PLAIN, ROBOT, Contender, DelayHandling, steering_settings
-from sim_bridge.paper_002.plants import DELAYS_NS, PLANTS, PROMPT, STEERING_RATE_RADPS, late_command, late_pose
+from sim_bridge.paper_002.claims import Claim
+from sim_bridge.paper_002.contenders import (
+    COMPENSATED,
+    CONTENDERS,
+    OURS,
+    PAPERS,
+    PLAIN,
+    ROBOT,
+    Contender,
+    DelayHandling,
+    steering_settings,
+)
+from sim_bridge.paper_002.plants import DELAYS_NS, PLANTS, PROMPT, STEERING_RATE_RADPS, WORST, late_command, late_pose
 from sim_bridge.paper_002.results import SHAPES
 from sim_bridge.paper_002.tables import Table, number
 from sim_bridge.paper_002.trial import STRAIGHT
 
 Summary = Mapping[str, Any]
+Summaries = Mapping[tuple[str, int], Summary]
+"""By scenario and seed."""
 LATEST_ANSWER_NS = 1_500_000_000
 """Longer than any delay here: a wheel that answers late is not stuck, nor does a unit that does so refuse."""
-UNLEARNT = {"delay.initial_s": "0.0", "delay.rate_per_s": "1e-9"}
+UNLEARNT = {"delay.initial_s": "0.0", "delay.maximum_s": "0.0"}
 """Predicts over no delay, and learns none."""
-DRIVEN_PLANTS = (PROMPT, *(late_command(delay) for delay in DELAYS_NS), late_pose(DELAYS_NS[-1]))
+DRIVEN_PLANTS = (PROMPT, *(late(delay) for late in (late_command, late_pose) for delay in DELAYS_NS))
+FEW_PLANTS, FEW_CONTENDERS, FEW_SCENARIOS = (PROMPT, WORST), (PLAIN, PAPERS, COMPENSATED, OURS), (STRAIGHT, "curve-s")
 
 
 class Drive(NamedTuple):
@@ -61,6 +76,15 @@ def all_drives(seeds: int) -> list[Drive]:
     ]
 
 
+def few_drives(seeds: int) -> list[Drive]:
+    """Those of all drives that tell most: of the methods that are spoken of, without delay and with the longest."""
+    return [
+        drive
+        for drive in all_drives(seeds)
+        if drive.plant in FEW_PLANTS and drive.contender in FEW_CONTENDERS and drive.scenario in FEW_SCENARIOS
+    ]
+
+
 def settings_of(drive: Drive) -> dict[str, str]:
     """Configuration keys and values that give the vehicle the delays of the plant, and the controllers its steering."""
     plant, contender = PLANTS[drive.plant], drive.contender
@@ -87,45 +111,72 @@ def _steering_lag_s() -> float:
 
 
 def vehicle_table(driven: Sequence[tuple[Drive, Summary]]) -> Table:
-    """What came of the drives: the mean over seeds, and over the shapes."""
+    """What came of the drives that were completed: the mean over seeds, and over the shapes; and how many were."""
     rows = []
-    for plant in DRIVEN_PLANTS:
-        of_plant = [(drive, summary) for drive, summary in driven if drive.plant == plant]
-        plain = _mean([summary for drive, summary in of_plant if _is_curve(drive, PLAIN)], "mean_after_m")
-        for contender in driven_contenders():
-            straight = [
-                summary
-                for drive, summary in of_plant
-                if drive.scenario == STRAIGHT and drive.contender.name == contender.name
-            ]
-            curves = [summary for drive, summary in of_plant if _is_curve(drive, contender)]
-            error = _mean(curves, "mean_after_m")
-            rows.append(
-                (
-                    plant,
-                    contender.name,
-                    _completed(straight),
-                    number(_mean(straight, "mean_25_s_m"), 3),
-                    number(_mean(straight, "time_s"), 1),
-                    number(_mean(straight, "overshoot_m"), 3),
-                    _completed(curves),
-                    number(error, 4),
-                    number(error / plain, 2),
-                )
+    for plant, contender in dict.fromkeys((drive.plant, drive.contender.name) for drive, _ in driven):
+        straight, curves, plain = (
+            {
+                (drive.scenario, drive.seed): summary
+                for drive, summary in driven
+                if (drive.plant, drive.contender.name) == (plant, name) and (drive.scenario == STRAIGHT) == is_straight
+            }
+            for name, is_straight in ((contender, True), (contender, False), (PLAIN.name, False))
+        )
+        rows.append(
+            (
+                plant,
+                contender,
+                _completed(straight),
+                number(_mean(straight, "mean_25_s_m"), 3),
+                number(_mean(straight, "time_s"), 1),
+                number(_mean(straight, "overshoot_m"), 3),
+                _completed(curves),
+                number(_mean(curves, "mean_after_m"), 4),
+                number(_ratio(curves, plain), 2),
             )
+        )
     header = ("plant", "method", "straight", "error m", "settled s", "overshoot m", "curves", "error m", "to plain's")
-    return Table("The simulated vehicle (MuJoCo), from a standing start; curves after the first 12 s", header, rows)
+    return Table(
+        "The simulated vehicle (MuJoCo), from a standing start; curves after the first 12 s; means over the completed "
+        "drives, ratios over those that pure pursuit completed too",
+        header,
+        rows,
+    )
 
 
-def _is_curve(drive: Drive, contender: Contender) -> bool:
-    return drive.scenario in SHAPES and drive.contender.name == contender.name
+def vehicle_claims(driven: Sequence[tuple[Drive, Summary]]) -> list[Claim]:
+    """That ours completes every drive; the vehicle's default controller beside."""
+    return [_lost(driven, OURS, decides=True), _lost(driven, COMPENSATED, decides=False)]
 
 
-def _completed(summaries: Sequence[Summary]) -> str:
-    return f"{sum(bool(summary['completed']) for summary in summaries)} of {len(summaries)}"
+def _lost(driven: Sequence[tuple[Drive, Summary]], contender: Contender, decides: bool) -> Claim:
+    completed = [_is_completed(summary) for drive, summary in driven if drive.contender == contender]
+    what = f"MuJoCo, {contender.name}: drives of {len(completed)} that were not completed"
+    return Claim(what, completed.count(False) if completed else nan, 0, 0, decides=decides)
 
 
-def _mean(summaries: Sequence[Summary], key: str) -> float:
-    """Mean of a figure of settling; NaN if a drive has none."""
-    values = [summary.get("settling", {}).get(key) for summary in summaries]
-    return fmean(values) if values and None not in values else float("nan")
+def _is_completed(summary: Summary) -> bool:
+    return bool(summary["completed"])
+
+
+def _completed(summaries: Summaries) -> str:
+    return f"{sum(map(_is_completed, summaries.values()))} of {len(summaries)}"
+
+
+def _figures(summaries: Summaries, key: str) -> dict[tuple[str, int], float]:
+    """A figure of settling of the drives that were completed; NaN of one that has none."""
+    figures = {which: one["settling"][key] for which, one in summaries.items() if _is_completed(one)}
+    return {which: nan if figure is None else figure for which, figure in figures.items()}
+
+
+def _mean(summaries: Summaries, key: str) -> float:
+    """Mean of a figure over the drives that were completed; NaN if there are none, or one has no such figure."""
+    figures = _figures(summaries, key)
+    return fmean(figures.values()) if figures else nan
+
+
+def _ratio(summaries: Summaries, others: Summaries) -> float:
+    """Of the errors on the courses that both completed."""
+    ours, theirs = (_figures(of, "mean_after_m") for of in (summaries, others))
+    both = ours.keys() & theirs.keys()
+    return fmean(ours[which] for which in both) / fmean(theirs[which] for which in both) if both else nan

@@ -2,7 +2,7 @@
 """`ugv experiment` and `ugv bench` print their figures beside what they are compared with."""
 
 import concurrent.futures
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,11 @@ from runtime.tracking.fuzzy import infer
 from sim_bridge.faults.live_campaign import Campaign
 from sim_bridge.faults.live_judge import Verdict
 from sim_bridge.paper_002 import trial as paper_002
+from sim_bridge.paper_002.contenders import OURS as OURS_002
+from sim_bridge.paper_002.contenders import PLAIN
+from sim_bridge.paper_002.vehicle import Drive, settings_of
+from sim_bridge.paper_002.vehicle_drive import Driven
+from sim_bridge.paper_002.vehicle_drive import driven as driven_in_mujoco
 
 
 def summary_of(job: Job, completed: bool = True) -> dict[str, Any]:
@@ -173,26 +178,56 @@ def test_paper_002_prints_claims_and_findings_and_writes_its_report(
     assert "Table II" in (out / "report.html").read_text()
 
 
+FIGURES = {"mean_25_s_m": 0.2, "time_s": 7.0, "overshoot_m": 0.0, "mean_after_m": 0.01}
+
+
+@pytest.fixture
+def asked_drives(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[Drive]]:
+    """Has drives done without MuJoCo, those of one contender unfinished; gives those that are asked for."""
+
+    def start(unfinished: str) -> list[Drive]:
+        asked: list[Drive] = []
+
+        def in_processes(run: Any, drives: Sequence[Drive], progress: Any) -> list[Driven]:
+            assert run is driven_in_mujoco
+            asked.extend(drives)
+            summaries = [{"completed": drive.contender.name != unfinished, "settling": FIGURES} for drive in drives]
+            return [Driven(drive, summary) for drive, summary in zip(drives, summaries, strict=True)]
+
+        monkeypatch.setattr("runtime.cli.batch.in_processes", in_processes)
+        return asked
+
+    return start
+
+
 def test_paper_002_drives_the_simulated_vehicle_with_every_controller(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    asked_drives: Callable[[str], list[Drive]], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    asked: list[Job] = []
-
-    def run_jobs(jobs: Sequence[Job], progress: Any) -> list[dict[str, Any]]:
-        asked.extend(jobs)
-        figures = {"mean_25_s_m": 0.2, "time_s": 7.0, "overshoot_m": 0.0, "mean_after_m": 0.01}
-        return [{"completed": True, "settling": figures} for _ in jobs]
-
-    monkeypatch.setattr("runtime.cli.batch.run_jobs", run_jobs)
+    asked = asked_drives("")
     arguments = ["experiment", "paper-002", "--plant", "mujoco", "--seeds", "2", "--out", str(tmp_path / "report")]
     assert cli.main(arguments) == 0
-    assert {job.robot for job in asked} == {"4ws4wd"}
-    assert {job.controller for job in asked} == set(controllers())
-    assert {job.seed for job in asked} == {0, 1}
-    assert {job.overrides["simulation.command_delay_ns"] for job in asked} == {"0", "300000000", "600000000"}
+    assert {drive.contender.controller for drive in asked} == set(controllers())
+    assert {drive.seed for drive in asked} == {0, 1}
+    delays = {settings_of(drive)["simulation.command_delay_ns"] for drive in asked}
+    assert delays == {"0", "300000000", "600000000"}
     printed = capsys.readouterr().out
     assert "Table II" not in printed
     assert "10 of 10" in printed
+
+
+@pytest.mark.parametrize(("unfinished", "code"), [("", 0), (PLAIN.name, 0), (OURS_002.name, 1)])
+def test_paper_002_fails_when_ours_does_not_complete_a_drive_of_the_few_that_tell_most(
+    asked_drives: Callable[[str], list[Drive]],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    unfinished: str,
+    code: int,
+) -> None:
+    asked = asked_drives(unfinished)
+    arguments = ["experiment", "paper-002", "--plant", "mujoco", "--quick", "--out", str(tmp_path / "report")]
+    assert cli.main(arguments) == code
+    assert len(asked) == 16
+    assert ("MISSED" in capsys.readouterr().out) == bool(code)
 
 
 def test_paper_002_writes_over_nothing(

@@ -4,6 +4,7 @@
 import math
 import re
 
+import numpy as np
 import pytest
 
 from runtime.configuration import ConfigError
@@ -13,11 +14,21 @@ from sim_bridge.paper_002.claims import Claim, claims
 from sim_bridge.paper_002.contenders import COMPENSATED, CONTENDERS, FUZZY, GAINS, OURS, PAPERS, PLAIN, ROBOT
 from sim_bridge.paper_002.findings import findings
 from sim_bridge.paper_002.pictures import pictures
-from sim_bridge.paper_002.plants import IDEAL, PLANTS, PROMPT, WORST, late_command
+from sim_bridge.paper_002.plants import DELAYS_NS, IDEAL, PLANTS, PROMPT, WORST, late_command, late_pose
 from sim_bridge.paper_002.report import write_report
 from sim_bridge.paper_002.results import SHAPES
 from sim_bridge.paper_002.tables import Table, claim_table, kinematic_tables
-from sim_bridge.paper_002.vehicle import DRIVEN_PLANTS, all_drives, driven_contenders, settings_of, vehicle_table
+from sim_bridge.paper_002.vehicle import (
+    DRIVEN_PLANTS,
+    all_drives,
+    driven_contenders,
+    few_drives,
+    settings_of,
+    vehicle_claims,
+    vehicle_table,
+)
+from sim_bridge.paper_002.vehicle_drive import Driven, Track, is_shown
+from sim_bridge.paper_002.vehicle_pictures import vehicle_pictures
 
 
 def settled(outcome, **changes):
@@ -66,7 +77,7 @@ def test_claims_take_ours_on_the_worst_plant_and_the_worst_shape(printed_results
     table = claims(printed_results(change))
     missed = {claim.what for claim in table if claim.decides and not claim.kept}
     assert missed == {
-        f"straight, {WORST}: mean error over 25 s, m",
+        f"straight, {WORST}, {OURS.name}: mean error over 25 s, m",
         f"curves, {WORST}, {OURS.name}: mean error after 12 s, worst shape, m",
     }
     assert not any(claim.decides for claim in table if claim.what.split(", ")[2:3] == [FUZZY.name])
@@ -123,7 +134,7 @@ def test_late_commands_help_plain_pursuit_only_where_they_do(printed_results):
 
 def test_tables_have_every_plant_and_every_contender_beside_the_papers_figures(printed_results):
     results = printed_results()
-    tables = [*kinematic_tables(results), claim_table(results)]
+    tables = [*kinematic_tables(results), claim_table(claims(results))]
     for table in tables:
         assert {len(row) for row in table.rows} == {len(table.header)}
     table_ii = by_title(tables, "Table II")
@@ -144,19 +155,20 @@ def test_a_goal_that_was_not_reached_is_counted_in_its_cell(printed_results):
 
 def test_the_report_stands_on_its_own(printed_results, tmp_path):
     results = printed_results()
-    tables = [claim_table(results), Table("<odd>", ("a", "b"), [("1 < 2", "MISSED")])]
+    tables = [claim_table(claims(results)), Table("<odd>", ("a", "b"), [("1 < 2", "MISSED")])]
     path = write_report(tmp_path, ["kinematic"], findings(results), tables, pictures(results))
     text = path.read_text()
     assert "$" not in re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL)
     assert not re.search(r'(?:src|href)="(?!#)', re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL))
     assert "&lt;odd&gt;" in text
     assert '<td class="missed">MISSED</td>' in text
-    assert text.count("<svg") == 8
+    assert text.count("<svg") == 10
     for title in (
         f"Straight, {IDEAL}: the paper",
         f"Straight, {WORST}: methods",
         f"Curves, {PROMPT}",
         f"Curves, {WORST}",
+        *(f"Curves, {late_pose(delay)}" for delay in DELAYS_NS),
     ):
         assert f"<h2>{title}" in text
     for shape in SHAPES.values():
@@ -186,23 +198,62 @@ def test_drives_of_the_vehicle_have_the_delays_and_rates_of_their_plants():
         assert config.safety.steering_stuck_ns > plant.command_delay_ns + 500_000_000
         assert config.safety.refusal_ns > plant.command_delay_ns + 500_000_000
         if drive.contender.name in (PLAIN.name, PAPERS.name):
-            assert config.delay.initial_s == 0.0
-            assert config.delay.rate_per_s < 1e-6
+            assert config.delay.initial_s == config.delay.maximum_s == 0.0
         if drive.contender.name == COMPENSATED.name:
-            assert config.delay.rate_per_s > 0.1
+            assert config.delay.maximum_s > 0.6
 
 
-def test_the_vehicles_table_has_the_means_over_seeds_and_shapes_of_its_summaries():
-    def summary(drive):
-        good = drive.contender.name == OURS.name
-        after = 0.01 if good else 0.02 + 0.02 * drive.seed
-        settling = {"mean_25_s_m": 0.2 + 0.1 * drive.seed, "time_s": 7.0, "overshoot_m": 0.0, "mean_after_m": after}
-        if drive.plant == WORST and drive.contender.name == PLAIN.name and drive.scenario == "straight":
-            settling["time_s"] = None
-        return {"completed": drive.seed == 0 or good, "settling": settling}
+def summary_of(drive):
+    """Ours completes every drive, all others only those of the first seed, and do worse in the second."""
+    good = drive.contender.name == OURS.name
+    after = 0.01 if good else 0.02 + 0.02 * drive.seed
+    settling = {"mean_25_s_m": 0.2 + 0.1 * drive.seed, "time_s": 7.0, "overshoot_m": 0.0, "mean_after_m": after}
+    if drive.plant == WORST and drive.contender.name == PLAIN.name and drive.scenario == "straight":
+        settling["time_s"] = None
+    return {"completed": drive.seed == 0 or good, "settling": settling}
 
-    table = vehicle_table([(drive, summary(drive)) for drive in all_drives(2)])
+
+def test_the_vehicles_table_has_the_means_of_what_was_completed_and_says_how_much_that_is():
+    table = vehicle_table([(drive, summary_of(drive)) for drive in all_drives(2)])
     assert len(table.rows) == len(DRIVEN_PLANTS) * len(driven_contenders())
     rows = {row[:2]: row[2:] for row in table.rows}
-    assert rows[PROMPT, OURS.name] == ("2 of 2", "0.250", "7.0", "0.000", "10 of 10", "0.0100", "0.33")
-    assert rows[WORST, PLAIN.name] == ("1 of 2", "0.250", "-", "0.000", "5 of 10", "0.0300", "1.00")
+    assert rows[PROMPT, OURS.name] == ("2 of 2", "0.250", "7.0", "0.000", "10 of 10", "0.0100", "0.50")
+    assert rows[WORST, PLAIN.name] == ("1 of 2", "0.200", "-", "0.000", "5 of 10", "0.0200", "1.00")
+
+
+def test_of_a_method_that_completes_nothing_there_are_no_figures():
+    def nothing(drive):
+        return {**summary_of(drive), "completed": drive.contender.name != PLAIN.name}
+
+    rows = {row[:2]: row[2:] for row in vehicle_table([(drive, nothing(drive)) for drive in few_drives(1)]).rows}
+    assert set(rows) == {(plant, who.name) for plant in (PROMPT, WORST) for who in (PLAIN, PAPERS, COMPENSATED, OURS)}
+    assert rows[WORST, PLAIN.name] == ("0 of 1", "-", "-", "-", "0 of 1", "-", "-")
+    assert rows[WORST, OURS.name][4:] == ("1 of 1", "0.0100", "-")
+
+
+def test_it_is_claimed_that_ours_completes_every_drive():
+    driven = [(drive, summary_of(drive)) for drive in all_drives(2)]
+    ours, beside = vehicle_claims(driven)
+    assert (ours.decides, ours.measured, ours.kept) == (True, 0, True)
+    assert (beside.decides, beside.measured) == (False, len(DRIVEN_PLANTS) * 6)
+    lost = [(drive, {**summary, "completed": drive.plant != WORST}) for drive, summary in driven]
+    assert vehicle_claims(lost)[0].measured == 12
+    assert not vehicle_claims(lost)[0].kept
+    assert not vehicle_claims([])[0].kept
+
+
+def test_the_tracks_that_are_shown_are_among_the_few_drives_and_are_drawn():
+    shown = [drive for drive in few_drives(2) if is_shown(drive)]
+    assert [drive for drive in all_drives(2) if is_shown(drive)] == shown
+    assert {(drive.scenario, drive.contender.name) for drive in shown} == {
+        (course, who.name) for course in ("straight", "curve-s") for who in (PLAIN, PAPERS, OURS)
+    }
+    t = np.arange(0.0, 40.0, 0.1)
+    track = Track(t, np.column_stack((0.6 * t, 1.5 * np.exp(-t))), 1.5 * np.exp(-t))
+    figures = vehicle_pictures([Driven(drive, {}, track if is_shown(drive) else None) for drive in few_drives(2)])
+    assert [figure.title for figure in figures] == [
+        f"The simulated vehicle (MuJoCo) on {course}, {WORST}" for course in ("straight", "curve-s")
+    ]
+    for who in (PLAIN, PAPERS, OURS):
+        assert all(f"<!-- {who.name} -->" in figure.svg for figure in figures)
+    assert vehicle_pictures([Driven(drive, {}) for drive in few_drives(1)]) == []
