@@ -153,6 +153,26 @@ def replayed_difference(_: Sequence[Summary]) -> float:
     return float(sum(task.verdict != "identical" for task in result.tasks.values()) + len(result.damage))
 
 
+def paper_002_missed(_: Sequence[Summary]) -> float:
+    """Claims of paper 002 that the kinematic plants do not bear out."""
+    from runtime.cli.experiment_paper_002 import drive_kinematic
+    from sim_bridge.paper_002.claims import claims as made_of
+
+    missed = [claim for claim in made_of(drive_kinematic()) if claim.decides and not claim.kept]
+    for claim in missed:
+        print(f"claims: {claim.what}: {claim.measured:.4g} is above {claim.at_least:g}", file=sys.stderr)
+    return float(len(missed))
+
+
+def tracker_step_p99_ms(_: Sequence[Summary]) -> float:
+    """Time of the step of the vehicle's tracker with its own controller, as `ugv bench tracker` measures it."""
+    from runtime.cli.bench import percentiles
+    from runtime.cli.bench_tracker import controllers, step_times_ms
+
+    _, p99, _ = percentiles(step_times_ms(controllers()[0]))
+    return p99
+
+
 def straight(speed_mps: float) -> str:
     """A straight that is walked for ten seconds at a speed, besides a metre and a half at either end."""
     return f"straight-{math.ceil(STEADY_TROT_S * speed_mps + 3.0)}"
@@ -227,6 +247,8 @@ def vehicle_claims(full: bool) -> list[Claim]:
         Claim("4ws4wd, 1.5 m/s, commands 0.3 s late: lateral RMS m", late, rms, 0.05, 0.025),
         Claim("4ws4wd, 3 m/s asked for: lateral max m", fast, furthest, 0.3, 0.15),
         Claim("4ws4wd, the same over a slippery patch: lateral max m", patch, furthest, 0.3, 0.15),
+        Claim("4ws4wd, paper 002 on kinematic plants: claims missed", (), paper_002_missed, 0.0, 0.0),
+        Claim("4ws4wd: tracker step p99 ms", (), tracker_step_p99_ms, 1.0, 0.2, decides=False),
         Claim("4ws4wd: tick p99 ms", jobs("slalom"), worst("drive_ms", "p99"), None, None, decides=False),
     ]
 

@@ -43,7 +43,7 @@ def claims() -> ModuleType:
 def run(claims: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Runs the table on runs that are all good but for what is given."""
 
-    def start(*arguments: str, differing: bool = False, **changes: Any) -> int:
+    def start(*arguments: str, differing: bool = False, missed: int = 0, step_ms: float = 0.1, **changes: Any) -> int:
         def run_jobs(jobs: Sequence[Any], progress: Any) -> list[dict[str, Any]]:
             return [{**GOOD, **changes} for _ in jobs]
 
@@ -51,6 +51,8 @@ def run(claims: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Run:
         monkeypatch.setattr(claims, "run_of_hash_seed", lambda hash_seed, directory: None)
         monkeypatch.setattr(claims, "recorded_difference", lambda summaries: float(differing))
         monkeypatch.setattr(claims, "replayed_difference", lambda summaries: float(differing))
+        monkeypatch.setattr(claims, "paper_002_missed", lambda summaries: float(missed))
+        monkeypatch.setattr(claims, "tracker_step_p99_ms", lambda summaries: step_ms)
         return int(claims.main(arguments))
 
     return start
@@ -77,6 +79,7 @@ def test_good_runs_keep_every_claim(run: Run, capsys: pytest.CaptureFixture[str]
         {"push": {"passed": True, "back_at_speed": False}},
         {"push": {"passed": False, "back_at_speed": True}},
         {"differing": True},
+        {"missed": 1},
     ],
 )
 def test_a_missed_bound_fails(run: Run, capsys: pytest.CaptureFixture[str], change: dict[str, Any]) -> None:
@@ -85,7 +88,7 @@ def test_a_missed_bound_fails(run: Run, capsys: pytest.CaptureFixture[str], chan
 
 
 def test_slow_machines_do_not_fail(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(mpc_ms={"p99": 50.0}, realtime_factor=0.1) == 0
+    assert run(mpc_ms={"p99": 50.0}, realtime_factor=0.1, step_ms=9.0) == 0
     assert "not on this machine" in capsys.readouterr().out
 
 
