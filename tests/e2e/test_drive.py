@@ -88,6 +88,14 @@ def test_a_velocity_is_driven_to_where_it_is_to_end(ugv, tmp_path, scenario):
     assert done.returncode == 0, done.stderr + done.stdout
 
 
+def test_its_configuration_is_checked(ugv):
+    done = ugv("config", "check", "4ws4wd")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "4ws4wd: ok\n", "")
+    done = ugv("config", "check", "4ws4wd", "--set", "delay.maximum_s=1.9")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "delay.maximum_s = 1.9 is above 1.6" in done.stderr
+
+
 def test_controllers_that_there_are_not_are_refused(ugv, tmp_path):
     done = ugv("sil", "4ws4wd", "flat", "--controller", "FpMW", "--out", tmp_path / "run")
     assert done.returncode == 2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ugv sil --realtime`: the processes of a robot against the wall clock, on whatever machine this is.
+"""`ugv sil --realtime` and `ugv run`: the processes of a robot against the wall clock, on whatever machine this is.
 
 How often this machine stalls is not ours to say, so a run may end in a fault. What must hold is that the summary names
 each fault and looks for its stall, that the log is whole and replays, and that nothing is left behind.
@@ -8,23 +8,32 @@ each fault and looks for its stall, that the log is whole and replays, and that 
 import json
 import os
 import subprocess
+import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
+from runtime.configuration import dump
+from runtime.executors.processes import Processes
+from runtime.executors.runtime_directory import runtime_directory
 from runtime.link.loop import STATUS
 from runtime.link.topics import TAKEN
 from runtime.recording.log import Log
 from runtime.recording.replay import Replay
 from runtime.robots import assemble
+from sim_bridge.live_processes import wired
+from sim_bridge.process import Task
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("realtime")]
+LOOPS = {"uslgo1": ("wbc", "mpc"), "4ws4wd": ("drive",)}
 
 
-@pytest.fixture(scope="module")
-def live(ugv, short_path, tmp_path_factory) -> subprocess.CompletedProcess[str]:
-    """A short walk in real time; `live.args[-1]` is its directory."""
-    return ugv("sil", "uslgo1", short_path, "--realtime", "--out", tmp_path_factory.mktemp("runs") / "live")
+@pytest.fixture(scope="module", params=LOOPS)
+def live(ugv, short_path, tmp_path_factory, request) -> subprocess.CompletedProcess[str]:
+    """A short walk or drive in real time; `live.args[-1]` is its directory."""
+    course = short_path if request.param == "uslgo1" else "straight-3"
+    return ugv("sil", request.param, course, "--realtime", "--out", tmp_path_factory.mktemp("runs") / "live")
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +64,8 @@ def test_every_recorded_tick_replays_identically(directory):
 def test_the_log_holds_what_every_process_did(directory):
     log = Log(directory)
     counts, rejected = log.counts(), log.read_signal(STATUS).values["rejected"][-1]
-    for topic in ("/ugv/tick/wbc", "/ugv/tick/mpc", "/ugv/tick/link", "/ugv/tick/sim"):
-        assert counts[topic], topic
+    for loop in (*LOOPS[log.robot], "link", "sim"):
+        assert counts[f"/ugv/tick/{loop}"], loop
     for topic, message in (("/ugv/imu", "/imu/data"), ("/ugv/localization", "/localization/pose")):
         assert counts[topic] or rejected[TAKEN.index(message)], f"{topic}: neither used nor counted as too old"
     summary = json.loads((directory / "summary.json").read_text())
@@ -76,3 +85,28 @@ def test_nothing_is_left_behind(directory):
         except OSError:
             continue
         assert str(directory) not in command or int(process.name) == os.getpid()
+
+
+def test_the_one_command_that_runs_a_vehicle_drives_it_and_ends_in_order_when_told(tmp_path):
+    """`ugv run` against the control unit at the far end of the bus; the simulator is another process."""
+    ugv = [sys.executable, "-m", "runtime.cli.main"]
+    with runtime_directory() as directory, wired("4ws4wd", {}, directory) as (config, _), Processes() as processes:
+        file = directory / "config.toml"
+        file.write_text(dump(config))
+        far_end = processes.start("far end", [sys.executable, "-m", "sim_bridge.process"], piped=True)
+        far_end.stdin.write(msgspec.json.encode(Task(str(file), "straight-3", 2, str(directory))) + b"\n")
+        far_end.stdin.flush()
+        assert "ready" in json.loads(far_end.stdout.readline())
+        places = ["--config", file, "--runtime-dir", directory, "--log-dir", tmp_path]
+        processes.start("ugv", [*map(str, [*ugv, "run", "4ws4wd", *places])])
+        answers = map(json.loads, far_end.stdout)
+        assert any("over" in answer for answer in answers)
+        assert processes.stop("ugv", within_s=60.0) == 0
+        processes.terminate("far end")
+        outcome = next(answer["outcome"] for answer in answers if "outcome" in answer)
+    assert outcome["completed"] or outcome["fault"]
+    (bag,) = tmp_path.iterdir()
+    log = Log(bag)
+    assert not log.truncated
+    assert log.counts()["/ugv/wheel_command_safe"]
+    assert Replay(log, assemble(log.robot, log.config), log.robot).run().identical
