@@ -36,7 +36,7 @@ class Claim(NamedTuple):
     def verdict(self) -> str:
         """In a word or two."""
         if not self.decides:
-            return "beside"
+            return "beside" if self.kept else "beside: above"
         if self.measured <= self.aim:
             return "aim met"
         return "kept" if self.kept else "MISSED"

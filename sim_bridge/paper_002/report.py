@@ -14,6 +14,8 @@ from runtime.recording.figure_style import ReportFigure
 from runtime.recording.report import NAME, style
 from sim_bridge.paper_002.tables import Table
 
+TEXTS = ("plant", "method")
+"""Columns that hold no figures."""
 TITLE = "Paper 002: pure pursuit with longitudinal distance constraint"
 FOOTER = (
     "Kinematic plants: wheelbase 1.17 m, track 0.74 m, steering at 20 degrees a second on the centre angle (the ideal "
@@ -62,15 +64,15 @@ def write_report(
 
 
 def _table(table: Table) -> str:
-    header = "".join(f"<th>{escape(name)}</th>" for name in table.header)
-    rows = "".join("<tr>" + "".join(map(_cell, row)) + "</tr>" for row in table.rows)
+    header = "".join(_cell(name, name, "th") for name in table.header)
+    rows = "".join("<tr>" + "".join(map(_cell, row, table.header)) + "</tr>" for row in table.rows)
     return (
         f'<section><h2>{escape(table.title)}</h2><div class="wide"><table><thead><tr>{header}</tr></thead>'
         f"<tbody>{rows}</tbody></table></div></section>"
     )
 
 
-def _cell(text: str) -> str:
-    kinds = {"kept": "kept", "aim met": "aim", "MISSED": "missed"}
-    kind = f' class="{kinds[text]}"' if text in kinds else ""
-    return f"<td{kind}>{escape(text)}</td>"
+def _cell(text: str, column: str, element: str = "td") -> str:
+    kinds = {"kept": "kept", "aim met": "aim", "MISSED": "missed", "beside: above": "above"}
+    kind = "text" if column in TEXTS else kinds.get(text, "")
+    return f"<{element}" + (f' class="{kind}"' if kind else "") + f">{escape(text)}</{element}>"

@@ -64,7 +64,7 @@ def test_a_claim_says_whether_it_is_kept(measured, verdict):
     claim = Claim("ratio", measured, at_least=0.8, aim=0.6)
     assert claim.verdict == verdict
     assert claim.kept == (verdict != "MISSED")
-    assert claim._replace(decides=False).verdict == "beside"
+    assert claim._replace(decides=False).verdict == ("beside" if claim.kept else "beside: above")
 
 
 def test_claims_take_ours_on_the_worst_plant_and_the_worst_shape(printed_results):
@@ -155,13 +155,19 @@ def test_a_goal_that_was_not_reached_is_counted_in_its_cell(printed_results):
 
 def test_the_report_stands_on_its_own(printed_results, tmp_path):
     results = printed_results()
-    tables = [claim_table(claims(results)), Table("<odd>", ("a", "b"), [("1 < 2", "MISSED")])]
+    tables = [
+        claim_table(claims(results)),
+        *kinematic_tables(results),
+        Table("<odd>", ("a", "b"), [("1 < 2", "MISSED")]),
+    ]
     path = write_report(tmp_path, ["kinematic"], findings(results), tables, pictures(results))
     text = path.read_text()
     assert "$" not in re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL)
     assert not re.search(r'(?:src|href)="(?!#)', re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL))
     assert "&lt;odd&gt;" in text
     assert '<td class="missed">MISSED</td>' in text
+    assert '<th class="text">method</th>' in text
+    assert f'<td class="text">{OURS.name}</td>' in text
     assert text.count("<svg") == 10
     for title in (
         f"Straight, {IDEAL}: the paper",
