@@ -92,6 +92,18 @@ def test_slow_machines_do_not_fail(run: Run, capsys: pytest.CaptureFixture[str])
     assert "not on this machine" in capsys.readouterr().out
 
 
+def test_claims_of_paper_002_that_are_missed_are_counted_and_named(
+    claims: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from sim_bridge.paper_002.claims import Claim
+
+    made = [Claim("near", 0.1, 0.2, 0.1), Claim("far", 0.3, 0.2, 0.1), Claim("beside", 0.3, 0.2, 0.1, decides=False)]
+    monkeypatch.setattr("runtime.cli.experiment_paper_002.drive_kinematic", lambda: None)
+    monkeypatch.setattr("sim_bridge.paper_002.claims.claims", lambda results: made)
+    assert claims.paper_002_missed([]) == 1.0
+    assert capsys.readouterr().err == "claims: far: 0.3 is above 0.2\n"
+
+
 def test_the_full_table_has_the_seeds_that_are_claimed(claims: ModuleType) -> None:
     runs = {claim.name: len(claim.jobs) for claim in claims.claims(full=True)}
     assert runs["lines: completed"] == 40
