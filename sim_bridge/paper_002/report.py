@@ -50,7 +50,7 @@ def write_report(
         style=style(),
         title=escape(TITLE),
         facts="".join(f"<li>{escape(fact)}</li>" for fact in facts),
-        findings="".join(f"<li>{escape(sentence)}</li>" for sentence in found),
+        findings=_findings(found),
         tables="\n".join(_table(table) for table in tables),
         figures="\n".join(made.section() for made in figures),
         footer=escape(FOOTER),
@@ -61,6 +61,13 @@ def write_report(
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
+
+
+def _findings(found: Sequence[str]) -> str:
+    if not found:
+        return ""
+    entries = "".join(f"<li>{escape(sentence)}</li>" for sentence in found)
+    return f'<section class="warnings"><h2>What came out</h2><ul>{entries}</ul></section>'
 
 
 def _table(table: Table) -> str:

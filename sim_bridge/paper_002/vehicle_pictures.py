@@ -16,8 +16,6 @@ from sim_bridge.paper_002.vehicle_drive import Driven, Track
 from sim_bridge.vehicle_courses import scenario
 
 COLORS = (BLUE, ORANGE, GREEN)
-MARGIN_M = 1.5
-"""Beside the path, that is drawn too."""
 
 
 def vehicle_pictures(outcomes: Sequence[Driven]) -> list[ReportFigure]:
@@ -38,10 +36,10 @@ def _course(course: str, outcomes: Sequence[Driven]) -> ReportFigure:
         xy, lateral_m = _window(course, track)
         above.plot(*xy.T, color=color, label=drive.contender.name)
         line(below, track.t[: len(lateral_m)], lateral_m, drive.contender.name, color)
-    above.set(xlabel="x (m)", ylabel="y (m)", ylim=(path[:, 1].min() - MARGIN_M, path[:, 1].max() + MARGIN_M))
+    above.set(xlabel="x (m)", ylabel="y (m)")
     if course != STRAIGHT:
         above.set_aspect("equal")
-    above.legend(loc="upper right", ncols=2)
+    figure.legend(*above.get_legend_handles_labels(), loc="outside upper center", ncols=4)
     below.set(xlabel="time since it moves (s)", ylabel="lateral error (m)")
     plant = shown[0][0].plant
     return ReportFigure(

@@ -165,6 +165,7 @@ def test_the_report_stands_on_its_own(printed_results, tmp_path):
     assert "$" not in re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL)
     assert not re.search(r'(?:src|href)="(?!#)', re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL))
     assert "&lt;odd&gt;" in text
+    assert "What came out" in text
     assert '<td class="missed">MISSED</td>' in text
     assert '<th class="text">method</th>' in text
     assert f'<td class="text">{OURS.name}</td>' in text
@@ -179,6 +180,10 @@ def test_the_report_stands_on_its_own(printed_results, tmp_path):
         assert f"<h2>{title}" in text
     for shape in SHAPES.values():
         assert f"<!-- {shape} -->" in text or f">{shape}<" in text
+
+
+def test_a_report_without_findings_does_not_announce_any(tmp_path):
+    assert "What came out" not in write_report(tmp_path, ["mujoco"], [], [], []).read_text()
 
 
 def test_a_report_that_cannot_be_written_is_named(tmp_path):
