@@ -140,11 +140,11 @@ def _prepared(config: RobotConfig) -> Prepared:
 
 
 def _all(options: argparse.Namespace) -> int:
-    """Start each process, and stop all as soon as one ends or this one is told to."""
+    """Keep all processes running until this one is told to stop."""
     import signal
     import threading
 
-    from runtime.executors.processes import ProcessError, Processes
+    from runtime.cli.session import run_session
 
     _configuration(options)
     _make_meeting_place(options)
@@ -155,12 +155,5 @@ def _all(options: argparse.Namespace) -> int:
     command += ["--runtime-dir", str(options.runtime_dir), "--log-dir", str(options.log_dir)]
     command += ["--config", str(options.config)] if options.config is not None else []
     command += [part for assignment in options.assignments for part in ("--set", assignment)]
-    with Processes() as processes:
-        for name in PROCESSES:
-            processes.start(name, [*command, "--process", name])
-        while not told.wait(0.2):
-            try:
-                processes.check()
-            except ProcessError as error:
-                raise ProcessError(f"{error}; the others are stopped") from None
+    run_session([*command, "--process"], told, lambda sentence: print(f"ugv run: {sentence}", file=sys.stderr))
     return 0

@@ -83,6 +83,15 @@ class Processes:
             self.check()
         raise ProcessError(f"the process {name} is not ready after {within_s:g} s")
 
+    def told(self, name: str) -> list[str]:
+        """What a process has told its service manager, which is this one, since the last look."""
+        listener, words = self._listeners[name], []
+        listener.setblocking(False)
+        with suppress(BlockingIOError):
+            while True:
+                words.append(listener.recv(_LONGEST_STATE).decode(errors="replace"))
+        return words
+
     @property
     def ended(self) -> dict[str, int]:
         """Names and return codes of those that have ended by themselves."""
