@@ -51,6 +51,7 @@ class BusHealth:
         errors: error frames since start.
         overflow: frames since start that were dropped since they were not read in time.
         purged: frames dropped since start when the bus came back, as they had become too old.
+        withheld: frames not sent since start, as their commands had become too old on their way.
     """
 
     state: BusState = BusState.UP
@@ -61,6 +62,7 @@ class BusHealth:
     errors: int = 0
     overflow: int = 0
     purged: int = 0
+    withheld: int = 0
 
     @property
     def carries(self) -> bool:
@@ -117,6 +119,7 @@ class BusReport(Protocol):
     errors: npt.NDArray[np.uint32]
     overflow: npt.NDArray[np.uint32]
     purged: npt.NDArray[np.uint32]
+    withheld: npt.NDArray[np.uint32]
 
 
 class BusMonitor:
@@ -142,7 +145,8 @@ class BusMonitor:
         self._reported = rows
         columns = [np.array(column) & _UINT32 for column in zip(*rows, strict=True)]
         record.state[:], record.backlog[:], record.refused[:], record.failed[:] = columns[:4]
-        record.malformed[:], record.errors[:], record.overflow[:], record.purged[:] = columns[4:]
+        record.malformed[:], record.errors[:], record.overflow[:] = columns[4:7]
+        record.purged[:], record.withheld[:] = columns[7:]
         return True
 
 
@@ -159,4 +163,5 @@ def _row(health: BusHealth) -> tuple[int, ...]:
         health.errors,
         health.overflow,
         health.purged,
+        health.withheld,
     )

@@ -52,3 +52,9 @@ class MemoryWriter:
         bus, data = content(record)
         if bus.size:
             self._bus.send(End.HOST, bus, as_frames(data), now_ns)
+
+    def withhold(self, record: FrameBatch) -> None:
+        """Count the frames of a batch that is not sent."""
+        bus, _ = content(record)
+        for index in bus.tolist():
+            self._bus.health[index].withheld += 1

@@ -72,14 +72,26 @@ class SocketWriter:
             FrameError: if the count exceeds the capacity, or a frame is for a bus that there is none of.
         """
         bus, data = content(record)
-        if bus.tobytes() != self._order:
-            self._plan(bus)
+        self._plan(bus)
         frames = data.tobytes()
         for index, begin, end in self._runs:
             self._buses[index].send(frames[begin:end], now_ns)
 
+    def withhold(self, record: FrameBatch) -> None:
+        """Count the frames of a batch that is not sent.
+
+        Raises:
+            FrameError: as `write`.
+        """
+        bus, _ = content(record)
+        self._plan(bus)
+        for index, begin, end in self._runs:
+            self._buses[index].health.withheld += (end - begin) // FRAME_SIZE
+
     def _plan(self, bus: npt.NDArray[np.uint8]) -> None:
         """Note which bytes of a batch whose frames are for these buses go to which bus by one call."""
+        if bus.tobytes() == self._order:
+            return
         if bus.size and bus.max() >= len(self._buses):
             raise FrameError(f"there is no bus {bus.max()}: {len(self._buses)} buses are open")
         edges = [0, *(np.flatnonzero(np.diff(bus)) + 1).tolist(), len(bus)]

@@ -144,6 +144,7 @@ class BusStatus(Record):
     errors = uint32_array("bus", "", "error frames")
     overflow = uint32_array("bus", "", "frames that the kernel dropped since they were not read in time")
     purged = uint32_array("bus", "", "frames dropped when the bus came back, as they had become too old")
+    withheld = uint32_array("bus", "", "frames not sent, as their commands had become too old on their way")
 
 
 class LoopTiming(Record):

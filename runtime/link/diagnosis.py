@@ -136,7 +136,7 @@ class Diagnosis:
             yield Status("battery", Level.OK, "", figures)
 
     def _buses(self, buses: BusStatus) -> Iterator[Status]:
-        counters = ("refused", "failed", "malformed", "errors", "overflow", "purged")
+        counters = ("refused", "failed", "malformed", "errors", "overflow", "purged", "withheld")
         for number, state in enumerate(buses.state.tolist()):
             name = member_name(BusState, state)
             counts = {counter: int(getattr(buses, counter)[number]) for counter in counters}

@@ -85,11 +85,11 @@ def test_errors_are_counted_at_their_buses_and_nothing_else_is(frames):
 def test_the_record_of_the_loops_is_such_a_report():
     assert [(state.name, state.value) for state in BusState] == [(s.name, s.value) for s in signals.BusState]
     record = signals.BusStatus("bus_status", {"bus": 2})
-    health = [BusHealth(), BusHealth(BusState.OFF, True, 1, 2, 3, 4, 5, 2**32 + 6)]
+    health = [BusHealth(), BusHealth(BusState.OFF, True, 1, 2, 3, 4, 5, 2**32 + 6, 7)]
     monitor = BusMonitor(health)
     assert monitor.read(record, 1)
-    names = ["state", "backlog", "refused", "failed", "malformed", "errors", "overflow", "purged"]
-    assert [getattr(record, name).tolist() for name in names] == [[0, each] for each in (2, True, 1, 2, 3, 4, 5, 6)]
+    names = ["state", "backlog", "refused", "failed", "malformed", "errors", "overflow", "purged", "withheld"]
+    assert [getattr(record, name).tolist() for name in names] == [[0, each] for each in (2, True, 1, 2, 3, 4, 5, 6, 7)]
 
 
 def test_only_what_changed_is_reported():

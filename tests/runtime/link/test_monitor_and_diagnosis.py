@@ -122,13 +122,13 @@ def test_a_mode_that_nobody_knows_does_not_stop_the_link(monitor, diagnosis):
 def test_every_bus_that_is_not_up_is_an_error(monitor, diagnosis):
     buses = BUSES.like()
     buses.state = (BusState.UP, BusState.OFF)
-    buses.purged = (0, 3)
+    buses.purged, buses.withheld = (0, 3), (0, 6)
     monitor.take(datagram(0, buses), 0)
     assert part(diagnosis, "bus 0").level == Level.OK
     told = part(diagnosis, "bus 1")
     assert told.level == Level.ERROR
     assert told.values["state"] == "off"
-    assert told.values["purged"] == 3
+    assert (told.values["purged"], told.values["withheld"]) == (3, 6)
 
 
 def test_a_counter_warns_once_after_it_has_grown(monitor, diagnosis):
