@@ -35,6 +35,7 @@ destdir=${DESTDIR:-}
 deploy=$(cd "$(dirname "$0")" && pwd)
 sources=$(dirname "$deploy")
 opt=/opt/ugv
+cache=/var/cache/ugv
 shipped=$opt/shipped.sha256
 units=/etc/systemd/system
 
@@ -85,10 +86,11 @@ put_files() {
     printf '# SPDX-License-Identifier: Apache-2.0\n# The robot that this host is in; its configuration is %s\nUGV_ROBOT=%s\n' \
         "/etc/ugv/$robot.toml" "$robot" > "$work/ugv.conf"
     put 644 "$work/ugv.conf" /etc/ugv/ugv.conf
-    put 644 "$sources/runtime/robots/$robot/$robot.toml" "/etc/ugv/$robot.toml"
+    put 644 "$configuration" "/etc/ugv/$robot.toml"
     for file in "$deploy"/zenoh/*; do
         mode=644
         [ ! -x "$file" ] || mode=755
+        [ "$(basename "$file")" != peer-users.json5 ] || mode=640
         [ ! -f "$file" ] || put $mode "$file" "/etc/ugv/zenoh/$(basename "$file")"
     done
     for file in ugv.target ugv-control.service ugv-link.service ugv-recorder.service ugv-.service.d/10-common.conf; do
@@ -109,6 +111,16 @@ put_files() {
         put 644 "$file" "$opt/examples/$(basename "$file")"
     done
     put 755 "$deploy/uninstall.sh" $opt/uninstall.sh
+}
+
+# Private keys and passwords, which a person puts there, are for root and the link alone.
+protect_secrets() {
+    zenoh=$destdir/etc/ugv/zenoh
+    for secret in "$zenoh"/*.key "$zenoh"/users.txt "$zenoh"/peer-users.json5*; do
+        [ -f "$secret" ] || continue
+        chmod 640 "$secret"
+        [ -n "$destdir" ] || chown root:ugv "$secret"
+    done
 }
 
 # The group is new, so the rule about its device has to be looked at again.
@@ -135,22 +147,21 @@ put_environment() {
 # Steps every loop of a robot for a while, without buses or sensors.
 rehearsal='
 import sys
-from importlib import import_module
 from runtime.cli.main import single_threaded
 single_threaded()
-from runtime.robots import load_configuration
-import_module(f"runtime.robots.{sys.argv[1]}.rehearsal").rehearse(load_configuration(sys.argv[1]))'
+from runtime.robots import load_configuration, rehearse
+rehearse(load_configuration(sys.argv[1]))'
 
-# The units read the compiled loops from /var/cache/ugv, so it is their user that compiles.
+# The units read the compiled loops from the cache, so it is their user that compiles. Each robot has loops of its own.
 compile_loops() {
-    state=$(cat $opt/venv/.installed)
-    if [ "$(cat /var/cache/ugv/.compiled 2>/dev/null || true)" = "$state" ]; then return 0; fi
-    say "new      /var/cache/ugv (the loops are compiled: a minute or two)"
-    rm -rf /var/cache/ugv
-    install -d -o ugv -g ugv -m 750 /var/cache/ugv
-    (cd / && setpriv --reuid=ugv --regid=ugv --clear-groups env UGV_CACHE_DIR=/var/cache/ugv \
+    state="$(cat $opt/venv/.installed) $robot"
+    if [ "$(cat $cache/.compiled 2>/dev/null || true)" = "$state" ]; then return 0; fi
+    say "new      $cache (the loops are compiled: a minute or two)"
+    rm -rf $cache
+    install -d -o ugv -g ugv -m 750 $cache
+    (cd / && setpriv --reuid=ugv --regid=ugv --clear-groups env UGV_CACHE_DIR=$cache \
         $opt/venv/bin/python -c "$rehearsal" "$robot") || refuse "the loops could not be compiled; see above"
-    printf '%s\n' "$state" > /var/cache/ugv/.compiled
+    printf '%s\n' "$state" > $cache/.compiled
 }
 
 check_host() {
@@ -168,7 +179,7 @@ check_host() {
     fi
 }
 
-[ -f "$sources/runtime/robots/$robot/$robot.toml" ] || refuse "there is no robot $robot"
+configuration=$(ls "$sources"/runtime/robots/*/"$robot.toml" 2> /dev/null) || refuse "there is no robot $robot"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 chmod 755 "$work"
@@ -181,11 +192,13 @@ remove_left_over
 LC_ALL=C sort -k 2 "$listing" > "$work/sorted"
 cmp -s "$work/sorted" "$destdir$shipped" || install -m 644 "$work/sorted" "$destdir$shipped"
 if [ -n "$destdir" ]; then
+    protect_secrets
     say "files only: no environment, user or service below $destdir"
     exit 0
 fi
 
 systemd-sysusers ugv.conf
+protect_secrets
 apply_rules
 put_environment
 [ $warm_up = no ] || compile_loops

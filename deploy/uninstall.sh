@@ -1,13 +1,13 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# Removes what install.sh put on this host. Logs and files that were edited stay, unless --purge is given.
+# Removes what install.sh put on this host. Logs, edited files, keys and passwords stay, unless --purge is given.
 set -eu
 
 purge=no
 case ${1:-} in
     '') ;;
     --purge) purge=yes ;;
-    *) echo "usage: uninstall.sh [--purge]     --purge: with logs, edited files and the user ugv" >&2; exit 2 ;;
+    *) echo "usage: uninstall.sh [--purge]     --purge: with logs, edited files, secrets and the user ugv" >&2; exit 2 ;;
 esac
 
 destdir=${DESTDIR:-}
@@ -32,6 +32,19 @@ remove_files() {
     done < "$shipped"
 }
 
+# Keys, certificates and passwords, which a person put there.
+remove_secrets() {
+    for file in "$destdir"/etc/ugv/zenoh/*.key "$destdir"/etc/ugv/zenoh/*.pem "$destdir"/etc/ugv/zenoh/users.txt; do
+        [ -f "$file" ] || continue
+        if [ $purge = yes ]; then
+            rm "$file"
+            say "removed  ${file#"$destdir"}"
+        else
+            say "kept     ${file#"$destdir"}"
+        fi
+    done
+}
+
 # Of the directories, those that installing made; one in which something was left stays.
 remove_directories() {
     for directory in /etc/ugv/zenoh /etc/ugv /etc/systemd/system/ugv-.service.d $opt/examples $opt; do
@@ -46,6 +59,7 @@ if [ -z "$destdir" ]; then
     systemctl stop ugv-control.service ugv-link.service ugv-recorder.service
 fi
 remove_files
+remove_secrets
 rm -f "$shipped"
 rm -rf "$destdir/opt/ugv/venv" "$destdir/var/cache/ugv" "$destdir/run/ugv"
 remove_directories

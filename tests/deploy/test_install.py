@@ -2,11 +2,14 @@
 """The installer keeps what a person has edited, changes nothing the second time, and is undone by the uninstaller."""
 
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+
+from runtime.robots import ROBOTS, configuration_file
 
 ROOT = Path(__file__).parents[2]
 CONFIGURATION, UNIT = "etc/ugv/uslgo1.toml", "etc/systemd/system/ugv-link.service"
@@ -118,6 +121,80 @@ def test_files_of_others_are_left_alone(staging):
     staging.install()
     staging.uninstall("--purge")
     assert set(staging.tree()) == {"etc/systemd/system/ugv-link.service.d/lan.conf"}
+
+
+def secrets(staging):
+    """A key and passwords where a person puts them, as they come from `make-certificates` and an editor."""
+    zenoh = staging.root / "etc/ugv/zenoh"
+    for name, mode in (("robot.key", 0o600), ("users.txt", 0o644), ("robot.pem", 0o644), ("authority.pem", 0o644)):
+        (zenoh / name).write_text("secret\n")
+        (zenoh / name).chmod(mode)
+    return zenoh
+
+
+def test_keys_and_passwords_are_for_root_and_the_link_alone(staging):
+    staging.install()
+    zenoh = secrets(staging)
+    staging.install()
+    modes = {path.name: path.stat().st_mode & 0o777 for path in zenoh.iterdir()}
+    assert {name for name, mode in modes.items() if mode == 0o640} == {"robot.key", "users.txt", "peer-users.json5"}
+    assert not any(mode & 0o022 for mode in modes.values())
+
+
+def test_what_is_said_of_keys_and_passwords_is_what_the_installer_does():
+    for place in ("README.md", "zenoh/README.md", "zenoh/robot-users.json5", "zenoh/peer-users.json5"):
+        text = (ROOT / "deploy" / place).read_text()
+        assert "root:ugv" in text, place
+        assert "0640" in text, place
+    for place in ("README.md", "zenoh/README.md"):
+        assert "users.txt" in (ROOT / "deploy" / place).read_text(), place
+
+
+def test_purging_takes_keys_and_passwords_and_uninstalling_alone_does_not(staging):
+    staging.install()
+    zenoh = secrets(staging)
+    assert "kept     /etc/ugv/zenoh/users.txt" in staging.uninstall()
+    assert {path.name for path in zenoh.iterdir()} == {"robot.key", "users.txt", "robot.pem", "authority.pem"}
+    staging.install()
+    assert "removed  /etc/ugv/zenoh/robot.key" in staging.uninstall("--purge")
+    assert staging.tree() == {}
+    assert not zenoh.exists()
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_every_robot_can_be_installed(staging, robot):
+    staging.install("--robot", robot)
+    assert (staging.root / f"etc/ugv/{robot}.toml").read_bytes() == configuration_file(robot).read_bytes()
+    assert f"UGV_ROBOT={robot}\n" in (staging.root / "etc/ugv/ugv.conf").read_text()
+
+
+def compile_loops(place, robot):
+    """Run the installer's step that compiles, with a stand-in for what compiles; what it told."""
+    script = (ROOT / "deploy/install.sh").read_text()
+    step = re.search(r"^compile_loops\(\) \{$.*?^\}$", script, re.DOTALL | re.MULTILINE)
+    assert step is not None
+    stand_ins = """set -eu
+        say() { printf '%s\\n' "$*"; }
+        refuse() { exit 2; }
+        install() { mkdir "$cache"; }
+        setpriv() { for last; do :; done; printf 'compiled %s\\n' "$last"; }
+        rehearsal=''
+        """
+    assignments = f"opt={place}/opt cache={place}/cache robot={robot}\n"
+    command = ["sh", "-c", f"{stand_ins}{assignments}{step[0]}\ncompile_loops"]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def test_the_loops_are_compiled_once_for_each_robot_and_state(tmp_path):
+    installed = tmp_path / "opt" / "venv" / ".installed"
+    installed.parent.mkdir(parents=True)
+    installed.write_text("one\n")
+    assert "compiled uslgo1" in compile_loops(tmp_path, "uslgo1")
+    assert compile_loops(tmp_path, "uslgo1") == ""
+    assert "compiled 4ws4wd" in compile_loops(tmp_path, "4ws4wd")
+    assert compile_loops(tmp_path, "4ws4wd") == ""
+    installed.write_text("two\n")
+    assert "compiled 4ws4wd" in compile_loops(tmp_path, "4ws4wd")
 
 
 def test_an_unknown_robot_and_an_unknown_option_are_refused(staging):
