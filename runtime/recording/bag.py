@@ -222,13 +222,13 @@ class BagWriter:
         """Write the summary and metadata.yaml. Calling it again does nothing.
 
         Raises:
-            RecordingError: if the disk takes no more; the chunks written before stay readable.
+            RecordingError: if the disk takes no more, or did not take what was to be synced; the chunks written before
+                stay readable.
         """
         if self._closed:
             return
         self._closed = True
-        if self._syncer is not None:
-            self._syncer.close()
+        failure = None if self._syncer is None else self._syncer.close()
         if self._reserve is not None:
             os.close(self._reserve)
         try:
@@ -243,6 +243,8 @@ class BagWriter:
                 topic.count = counts[channel]
             text = bag_metadata(self.path.name, self._file.start_ns, self._file.end_ns, self._topics)
             (self.directory / "metadata.yaml").write_text(text)
+            if failure is not None:
+                raise failure
         except OSError as error:
             raise RecordingError(f"cannot close the log {self.path}: {_reason(error)}") from error
 

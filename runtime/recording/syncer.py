@@ -35,11 +35,13 @@ class Syncer:
             raise failure
         self._asked.set()
 
-    def close(self) -> None:
-        """Wait until nothing is under way any more."""
+    def close(self) -> OSError | None:
+        """Wait until nothing is under way any more; gives a failure that was not told yet, which the system forgets."""
         self._closing = True
         self._asked.set()
         self._thread.join()
+        failure, self._failure = self._failure, None
+        return failure
 
     def _run(self) -> None:
         while True:

@@ -45,3 +45,20 @@ def test_who_asks_does_not_wait_for_the_disk(tmp_path, monkeypatch):
         syncer.close()
         assert done
         assert set(done) == {file.fileno()}
+
+
+def test_a_failure_that_nobody_has_asked_for_is_told_at_the_end(monkeypatch):
+    failed = threading.Event()
+
+    def fail(descriptor):
+        failed.set()
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(os, "fdatasync", fail)
+    syncer = Syncer(0)
+    syncer.ask()
+    assert failed.wait(PATIENCE_S)
+    failure = syncer.close()
+    assert failure is not None
+    assert failure.errno == 5
+    assert syncer.close() is None
