@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -14,7 +13,6 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from runtime.executors.processes import ProcessError
 from runtime.executors.resources import Resources
 from runtime.executors.runtime_directory import runtime_directory
 from runtime.executors.tick import TICK_TOPIC_PREFIX
@@ -26,6 +24,7 @@ from sim_bridge.live_processes import LiveProcesses, wired
 from sim_bridge.observer import Progress
 from sim_bridge.process import Task
 from sim_bridge.run import with_variant
+from sim_bridge.run_bags import RunBags
 
 SETTLED_S = 120.0
 
@@ -64,8 +63,7 @@ def run_live(
         with LiveProcesses(config, task, out) as live:
             outcome = _watched(live, progress or _unseen)
             live.stop()
-    _take_log(out)
-    log = Log(out)
+    bags = RunBags(out, lambda sentence: print(f"ugv sil: {sentence}", file=sys.stderr))
     summary = {
         "robot": robot,
         "scenario": scenario,
@@ -73,11 +71,12 @@ def run_live(
         "controller": config.variant.controller,
         "estimator": config.variant.estimator,
         **outcome,
-        **_timings(log, (loop.name for loop in assembled(config).loops)),
-        "imu_age_ms": _spread(log.read_signal(BODY_STATE).values["imu_age_ns"]),
-        "faults": _faults(log),
+        **timings(bags, (loop.name for loop in assembled(config).loops)),
+        "imu_age_ms": _spread(bags.read(BODY_STATE).values["imu_age_ns"]),
+        "faults": [fault for log in bags for fault in _faults(log)],
         "realtime": True,
-        "log": log.path.name,
+        "log": bags.longest.path.name,
+        "other_logs": [directory.name for directory in bags.others],
     }
     (out / "summary.json").write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2))
     return summary
@@ -94,34 +93,26 @@ def _watched(live: LiveProcesses, progress: Progress) -> dict[str, Any]:
             progress(*answer["progress"])
             held.append((answer["progress"][0], live.processes.resources()))
             live.processes.check()
-    return {**outcome, "resources": _growth(held)}
+    return {**outcome, "resources": growth(held)}
 
 
 def _unseen(done_s: float, expected_s: float) -> None:
     """Progress that nobody looks at."""
 
 
-def _growth(held: Sequence[tuple[float, Mapping[str, Resources]]]) -> dict[str, Any]:
-    """What each process held after two minutes (or a fifth of a shorter run) and at the end."""
+def growth(held: Sequence[tuple[float, Mapping[str, Resources]]]) -> dict[str, Any]:
+    """What each process held after two minutes (or a fifth of a shorter run) and at the end; None if missing."""
     if not held:
         return {}
     settled_s = min(SETTLED_S, 0.2 * held[-1][0])
     early = next(row for at_s, row in held if at_s >= settled_s)
-    late = held[-1][1]
-    return {name: {"early": early[name]._asdict(), "late": late[name]._asdict()} for name in early.keys() & late.keys()}
+    samples = {"early": early, "late": held[-1][1]}
+    names = sorted({name for _, row in held for name in row})
+    return {name: {when: _figures(row.get(name)) for when, row in samples.items()} for name in names}
 
 
-def _take_log(out: Path) -> None:
-    """Move the one bag of a run from a directory of its own into that of the run, and name it after that."""
-    bags = [path for path in out.iterdir() if path.is_dir()]
-    if len(bags) != 1:
-        raise ProcessError(f"the recorder made {len(bags)} bags of one run in {out}")
-    before, after = bags[0].name, out.resolve().name
-    for file in bags[0].iterdir():
-        shutil.move(file, out / file.name.replace(before, after))
-    bags[0].rmdir()
-    metadata = out / "metadata.yaml"
-    metadata.write_text(metadata.read_text().replace(before, after))
+def _figures(held: Resources | None) -> dict[str, int] | None:
+    return None if held is None else held._asdict()
 
 
 def _faults(log: Log) -> list[dict[str, Any]]:
@@ -133,12 +124,12 @@ def _faults(log: Log) -> list[dict[str, Any]]:
     return found
 
 
-def _timings(log: Log, loops: Iterable[str]) -> dict[str, Any]:
+def timings(bags: RunBags, loops: Iterable[str]) -> dict[str, Any]:
     """Times of the loops' steps, ms, and how many periods they missed, from the ticks."""
     figures: dict[str, Any] = {}
     missed: dict[str, int] = {}
     for name in loops:
-        ticks = log.read_signal(TICK_TOPIC_PREFIX + name).values
+        ticks = bags.read(TICK_TOPIC_PREFIX + name).values
         figures[f"{name}_ms"] = _spread(ticks["compute_ns"])
         missed[name] = int(ticks["skipped"].sum())
     return {**figures, "missed_deadlines": missed}

@@ -162,5 +162,19 @@ def test_of_frames_that_arrive_while_ticks_are_lost_nothing_is_known():
     assert while_recorded(frames, ticks).arrival_ns.tolist() == [3 * MS, 4 * MS, 31 * MS]
 
 
-def test_logs_of_several_bags_are_one(tmp_path):
+def test_logs_of_several_bags_are_one(tmp_path, write_bag):
+    write_bag(tmp_path / "a", range(500, 600), late=[550])
+    write_bag(tmp_path / "b", range(100, 200), late=[150])
+    (tmp_path / "begun but empty").mkdir()
+    logs = LiveLogs(tmp_path, (), 5 * MS)
+    assert [log.path.parent.name for log in logs.bags] == ["b", "a"]
+    indices = logs.whole(TICK_TOPIC_PREFIX + FAST).values["index"].tolist()
+    assert indices == [*range(100, 200), *range(500, 600)]
+    across = logs.ticks(190 * PERIOD_NS, 510 * PERIOD_NS)
+    assert across["index"].tolist() == [*range(190, 200), *range(500, 510)]
+    assert [stall.at_ns for stall in logs.stalls] == [150 * PERIOD_NS, 550 * PERIOD_NS]
+    assert [s.at_ns for s in logs.stalls_between(500 * PERIOD_NS, 600 * PERIOD_NS)] == [550 * PERIOD_NS]
+
+
+def test_without_a_bag_there_is_no_log(tmp_path):
     assert LiveLogs(tmp_path, (), MS).bags == []
