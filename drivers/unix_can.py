@@ -11,7 +11,15 @@ from typing import Any
 
 import can
 
-from drivers.can_frame import CAN_EFF_FLAG, CAN_EFF_MASK, CAN_ERR_FLAG, CAN_RTR_FLAG, CAN_SFF_MASK, FRAME_SIZE
+from drivers.can_frame import (
+    CAN_EFF_FLAG,
+    CAN_EFF_MASK,
+    CAN_ERR_FLAG,
+    CAN_RTR_FLAG,
+    CAN_SFF_MASK,
+    FRAME_SIZE,
+    MAX_DATA_LENGTH,
+)
 
 _FRAME = struct.Struct("<IB3x8s")
 
@@ -38,6 +46,10 @@ def unpack(frame: bytes, timestamp: float, channel: str) -> can.Message:
     if len(frame) != FRAME_SIZE:
         raise can.CanOperationError(f"{channel} gave {len(frame)} bytes where a CAN frame has {FRAME_SIZE}")
     identifier, length, data = _FRAME.unpack(frame)
+    if length > MAX_DATA_LENGTH:
+        raise can.CanOperationError(
+            f"{channel} gave a frame of {length} data bytes where {MAX_DATA_LENGTH} are the most"
+        )
     extended, remote = bool(identifier & CAN_EFF_FLAG), bool(identifier & CAN_RTR_FLAG)
     return can.Message(
         timestamp=timestamp,

@@ -60,7 +60,7 @@ def kept_setup(directory: Path, made_from: str, make: Callable[[], Prepared]) ->
         make: makes a new one.
     """
     file = directory / SETUP_FILE
-    with suppress(OSError, msgspec.MsgspecError):
+    with suppress(OSError, ValueError, msgspec.MsgspecError):  # ValueError: text that is not UTF-8
         kept = msgspec.msgpack.decode(file.read_bytes(), type=_Kept)
         if kept.origin == made_from:
             return kept.prepared

@@ -98,7 +98,8 @@ def under_atheris(name: str, modules: tuple[str, ...]) -> None:
     import atheris
 
     with atheris.instrument_imports(include=list(modules)):
-        from fuzz_targets import OURS, TARGETS
+        from fuzz_target import OURS
+        from fuzz_targets import TARGETS
     target = next(target for target in TARGETS if target.name == name)
 
     def one(data: bytes) -> None:

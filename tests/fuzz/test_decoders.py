@@ -7,7 +7,8 @@ import random
 from contextlib import suppress
 
 import pytest
-from fuzz_targets import OURS, TARGETS, Target, mutated
+from fuzz_target import OURS, Target
+from fuzz_targets import TARGETS, mutated
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

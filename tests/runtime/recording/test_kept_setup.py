@@ -38,7 +38,9 @@ def test_one_of_another_origin_is_replaced(setup, tmp_path):
     assert kept_setup(tmp_path, "b", never) == other
 
 
-@pytest.mark.parametrize("content", [b"", b"\x00", b"\x81\xa6origin\xa1a", bytes(range(256))])
+@pytest.mark.parametrize(
+    "content", [b"", b"\x00", b"\x81\xa6origin\xa1a", b"\x81\xa6origin\xa1\x80", bytes(range(256))]
+)
 def test_one_that_cannot_be_read_is_replaced(content, setup, tmp_path):
     (tmp_path / SETUP_FILE).write_bytes(content)
     assert kept_setup(tmp_path, "a", lambda: setup) == setup
