@@ -84,21 +84,21 @@ def _print_loops(log: Log) -> None:
                 one.skipped,
                 one.late,
                 one.missing,
-                len(one.stalls),
+                len(one.late_wakes),
             )
             for one in times
         ],
     )
     for one in times:
         _print_some("gaps", list(map(str, one.gaps)))
-        worst = sorted(one.stalls, key=lambda stall: -stall.late_ns)
+        worst = sorted(one.late_wakes, key=lambda wake: -wake.late_ns)
         _print_some(
-            f"stalls of {one.loop.name} beyond {one.stall_bound_ns / 1e6:g} ms",
-            [f"stall: {s.loop} woke {s.late_ns / 1e6:,.1f} ms late at {s.begin_ns / 1e9:.3f} s" for s in worst],
+            f"late wakes of {one.loop.name} beyond {one.late_wake_bound_ns / 1e6:g} ms",
+            [f"{wake.loop} woke {wake.late_ns / 1e6:,.1f} ms late at {wake.begin_ns / 1e9:.3f} s" for wake in worst],
         )
 
 
-_LOOP_COUNTS = ("skipped", "late", "missing", "stalls")
+_LOOP_COUNTS = ("skipped", "late", "missing", "late wakes")
 _SHOWN = 10
 
 

@@ -8,9 +8,6 @@ from typing import NamedTuple
 
 from runtime.messages.errors import MessageError
 
-_STEP_NS = 10_000_000
-"""A change between clocks from one look to the next that no steering of a clock makes."""
-
 
 class Instant(NamedTuple):
     """The present, on both clocks."""
@@ -59,34 +56,3 @@ class StampWindow:
             raise MessageError("the stamp is not newer than the one before")
         self._last = found
         return found.monotonic_ns
-
-
-class ClockWatch:
-    """Counts what happens to the clocks between one look and the next.
-
-    Attributes:
-        steps: of the unix clock.
-        suspends: of the machine.
-    """
-
-    def __init__(self) -> None:
-        self.steps = self.suspends = 0
-        self._offset_ns, self._asleep_ns = _differences()
-
-    def look(self) -> None:
-        """Compare the clocks again."""
-        offset_ns, asleep_ns = _differences()
-        suspended = asleep_ns - self._asleep_ns > _STEP_NS
-        self.suspends += suspended
-        self.steps += abs(offset_ns - self._offset_ns) > _STEP_NS and not suspended
-        self._offset_ns, self._asleep_ns = offset_ns, asleep_ns
-
-
-def _differences() -> tuple[int, int]:
-    """Of the unix clock, and of the time since boot, to the monotonic clock; a preempted reading is taken again."""
-    while True:
-        before = time.monotonic_ns()
-        unix_ns, boot_ns = time.time_ns(), time.clock_gettime_ns(time.CLOCK_BOOTTIME)
-        after = time.monotonic_ns()
-        if after - before < _STEP_NS // 2:
-            return unix_ns - before, boot_ns - before

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+from runtime.executors.clocks import LOOK_EVERY_NS, ClockWatch, read_clocks
 from runtime.executors.companions import CompanionTicks
 from runtime.executors.linux import Alarm, run_first, stay_on
 from runtime.executors.liveness import ALIVE_EVERY_NS
@@ -19,7 +20,7 @@ from runtime.executors.notify import Notifier
 from runtime.executors.switch_interval import switch_interval
 from runtime.executors.tick import manifest_of
 from runtime.executors.tick_stream import LINK_SOCKET, RECORDER_SOCKET, TickListener, TickStream
-from runtime.link.clocks import ClockWatch, instant
+from runtime.link.clocks import instant
 from runtime.link.control_monitor import ControlMonitor
 from runtime.link.diagnosis import Diagnosis
 from runtime.link.inputs import Inputs
@@ -95,7 +96,7 @@ class _Carrier:
         self._session, self._listener, self._inputs, self._refused = session, listener, inputs, refused
         self._notifier, self._alive_ns = notifier, 0
         self._monitor = ControlMonitor(manifest_of(setup.loops))
-        self._clocks = ClockWatch()
+        self._clocks, self._look_ns = ClockWatch(read_clocks()), 0
         self._status = LinkStatus(STATUS, {"input": len(TAKEN)})
         self._told, self._tell_ns = b"", 0
         self._log = TickStream(directory / RECORDER_SOCKET)
@@ -148,7 +149,9 @@ class _Carrier:
             if datagram is None:
                 break
             self._monitor.take(datagram, now_ns)
-        self._clocks.look()
+        if now_ns >= self._look_ns:
+            self._look_ns = now_ns + LOOK_EVERY_NS
+            self._clocks.look(read_clocks())
         self._outputs.publish(instant(), self._figures)
         if now_ns >= self._alive_ns:
             self._alive_ns = now_ns + ALIVE_EVERY_NS

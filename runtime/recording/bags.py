@@ -15,9 +15,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from runtime.executors.clocks import LOOK_EVERY_NS, ClockReading, ClockWatch, read_clocks
 from runtime.executors.tick import ENTRY, Tick
 from runtime.recording.bag import REALTIME, BagOptions, BagWriter, prepare
-from runtime.recording.clocks import ClockReading, ClockWatch, read_clocks
 from runtime.recording.continuity import Continuity
 from runtime.recording.errors import RecordingError
 from runtime.recording.layout import body_size, dtype_of
@@ -27,7 +27,6 @@ from runtime.recording.setup import BEGINNING, RecordingSetup
 FIRST_TICK_PREFIX, CLOCK_PREFIX = "first_tick/", "clock/"
 """Names of the metadata records on the first tick of each loop, and on what happened to the clocks."""
 TRY_AGAIN_NS = 1_000_000_000
-LOOK_AFTER_NS = 1_000_000_000
 LEAST_ROOM_BYTES = 4 << 20
 """Free room on the disk below which no bag is begun: it would be full at once."""
 _EARLIER_LIFE_NS = 500_000_000
@@ -121,7 +120,7 @@ class Bags:
         now = self._clocks()
         if now.monotonic_ns < self._look_after_ns:
             return
-        self._look_after_ns = now.monotonic_ns + LOOK_AFTER_NS
+        self._look_after_ns = now.monotonic_ns + LOOK_EVERY_NS
         happened = self._clock_watch.look(now)
         bag = self._bag
         if bag is None:
@@ -247,5 +246,8 @@ def _new_directory(parent: Path, robot: str, utc_ns: int) -> Path:
 
 
 def _has_room(directory: Path) -> bool:
-    disk = os.statvfs(directory)
+    try:
+        disk = os.statvfs(directory)
+    except OSError as error:
+        raise RecordingError(f"cannot write a log in {directory}: {(error.strerror or str(error)).lower()}") from error
     return disk.f_bavail * disk.f_frsize >= LEAST_ROOM_BYTES

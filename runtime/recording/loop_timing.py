@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the loops of a run kept their time: latencies, overruns, stalls, and ticks that are missing."""
+"""How the loops of a run kept their time: latencies, overruns, late wakes, and ticks that are missing."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Percentiles(NamedTuple):
     max: float
 
 
-class Stall(NamedTuple):
+class LateWake(NamedTuple):
     """A tick that began late.
 
     Attributes:
@@ -66,8 +66,8 @@ class LoopTimes:
         late: ticks whose results left after the budget.
         over_budget: ticks whose tasks took more wall time than the budget.
         gaps: where ticks are missing.
-        stalls: ticks that began later than the bound.
-        stall_bound_ns: this bound.
+        late_wakes: ticks that began later than the bound.
+        late_wake_bound_ns: this bound.
     """
 
     loop: DescribedLoop
@@ -79,8 +79,8 @@ class LoopTimes:
     late: int
     over_budget: int
     gaps: tuple[Gap, ...]
-    stalls: tuple[Stall, ...]
-    stall_bound_ns: int
+    late_wakes: tuple[LateWake, ...]
+    late_wake_bound_ns: int
 
     @property
     def missing(self) -> int:
@@ -120,18 +120,18 @@ def read_loop_times(log: Log) -> list[LoopTimes]:
     return [loop_times(loop, signals[TICK_TOPIC_PREFIX + loop.name], log.origin_ns) for loop in loops]
 
 
-def loop_times(loop: DescribedLoop, ticks: Signal, origin_ns: int = 0, stall_bound_ns: int | None = None) -> LoopTimes:
+def loop_times(loop: DescribedLoop, ticks: Signal, origin_ns: int = 0, wake_bound_ns: int | None = None) -> LoopTimes:
     """The times of one loop.
 
     Args:
         loop: as described.
         ticks: its tick records.
-        origin_ns: of the log, from which the times of stalls and gaps are counted.
-        stall_bound_ns: a wake later than this is a stall; a period of the loop if not given.
+        origin_ns: of the log, from which the times of late wakes and gaps are counted.
+        wake_bound_ns: a wake later than this is late; a period of the loop if not given.
     """
-    rows, bound_ns = ticks.values, loop.period_ns if stall_bound_ns is None else stall_bound_ns
+    rows, bound_ns = ticks.values, loop.period_ns if wake_bound_ns is None else wake_bound_ns
     wake = rows["wake_latency_ns"]
-    stalled = np.flatnonzero(wake > bound_ns)
+    woken_late = np.flatnonzero(wake > bound_ns)
     return LoopTimes(
         loop=loop,
         ticks=len(rows),
@@ -142,11 +142,11 @@ def loop_times(loop: DescribedLoop, ticks: Signal, origin_ns: int = 0, stall_bou
         late=int(np.count_nonzero(rows["late"])),
         over_budget=int(np.count_nonzero(rows["compute_ns"] > loop.budget_ns)),
         gaps=_gaps(loop.name, rows, origin_ns),
-        stalls=tuple(
-            Stall(loop.name, int(rows["index"][i]), int(rows["now_ns"][i]) - origin_ns, int(wake[i]))
-            for i in stalled.tolist()
+        late_wakes=tuple(
+            LateWake(loop.name, int(rows["index"][i]), int(rows["now_ns"][i]) - origin_ns, int(wake[i]))
+            for i in woken_late.tolist()
         ),
-        stall_bound_ns=bound_ns,
+        late_wake_bound_ns=bound_ns,
     )
 
 

@@ -12,7 +12,7 @@ from runtime.recording.run_data import RunData
 
 _SHOWN = 12
 _SHARES = ("p50", "p99", "p99.9", "max")
-_COUNTS = ("periods skipped", "late", "missing", "stalls")
+_COUNTS = ("periods skipped", "late", "missing", "late wakes")
 
 
 def timing_section(data: RunData) -> str:
@@ -29,12 +29,12 @@ def timing_section(data: RunData) -> str:
         f"<tr>{shares}{shares}</tr>"
     )
     return (
-        "<section><h2>Time</h2><p>A stall is a tick that began more than a period after its release. Periods that an "
-        "overrun skipped were never stepped; missing ticks were, but are not in the log.</p>"
+        "<section><h2>Time</h2><p>A tick that began more than a period after its release is a late wake. Periods that "
+        "an overrun skipped were never stepped; missing ticks were, but are not in the log.</p>"
         f'<table class="times"><thead>{head}</thead><tbody>{rows}</tbody></table>'
         + _list("Said by the log", _said(data))
         + _list("Gaps", [str(gap) for one in times for gap in one.gaps])
-        + _list("Latest wakes", _stalls(times))
+        + _list("Latest wakes", _late_wakes(times))
         + "</section>"
     )
 
@@ -71,7 +71,7 @@ def timing_warnings(data: RunData) -> list[str]:
 
 
 def _cells(one: LoopTimes) -> tuple[str, ...]:
-    counts = (one.skipped, one.late, one.missing, len(one.stalls))
+    counts = (one.skipped, one.late, one.missing, len(one.late_wakes))
     return (
         escape(one.loop.name),
         f"{1e9 / one.loop.period_ns:g} Hz",
@@ -96,11 +96,11 @@ def _said(data: RunData) -> list[str]:
     return said
 
 
-def _stalls(times: Sequence[LoopTimes]) -> list[str]:
-    found = sorted((stall for one in times for stall in one.stalls), key=lambda stall: -stall.late_ns)
+def _late_wakes(times: Sequence[LoopTimes]) -> list[str]:
+    found = sorted((wake for one in times for wake in one.late_wakes), key=lambda wake: -wake.late_ns)
     return [
-        f"{stall.loop}, tick {stall.tick}: {stall.late_ns / 1e6:,.1f} ms late at {stall.begin_ns / 1e9:.3f} s"
-        for stall in found
+        f"{wake.loop}, tick {wake.tick}: {wake.late_ns / 1e6:,.1f} ms late at {wake.begin_ns / 1e9:.3f} s"
+        for wake in found
     ]
 
 

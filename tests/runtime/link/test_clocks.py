@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.link import clocks
-from runtime.link.clocks import ClockWatch, Instant, StampWindow, instant
+from runtime.link.clocks import Instant, StampWindow, instant
 from runtime.messages.errors import MessageError
 
 UNIX = 1_700_000_000_000_000_000
@@ -59,26 +58,3 @@ def test_a_step_of_the_clock_costs_only_what_was_on_its_way(step_ns):
 def test_times_go_back_to_unix():
     assert NOW.unix(NOW.monotonic_ns - 7) == UNIX - 7
     assert instant().unix_ns > UNIX
-
-
-@pytest.mark.parametrize(
-    ("differences", "steps", "suspends"),
-    [
-        ([(0, 0), (1_000_000, 0), (2_000_000, 0)], 0, 0),
-        ([(0, 0), (3_600_000_000_000, 0), (0, 0)], 2, 0),
-        ([(0, 0), (60_000_000_000, 60_000_000_000), (60_000_000_000, 60_000_000_000)], 0, 1),
-    ],
-)
-def test_steps_and_suspends_are_counted(monkeypatch, differences, steps, suspends):
-    seen = iter(differences)
-    monkeypatch.setattr(clocks, "_differences", lambda: next(seen))
-    watch = ClockWatch()
-    for _ in differences[1:]:
-        watch.look()
-    assert (watch.steps, watch.suspends) == (steps, suspends)
-
-
-def test_undisturbed_clocks_are_quiet():
-    watch = ClockWatch()
-    watch.look()
-    assert watch.suspends == 0

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from runtime.executors.clocks import ClockReading
 from runtime.executors.tick import ENTRY, tick_record
 from runtime.recording import bags as bags_module
 from runtime.recording.bags import Bags
-from runtime.recording.clocks import ClockReading
 from runtime.recording.log import Log
 from runtime.recording.mcap_file import McapFile
 from runtime.recording.recorder_status import RecorderStatus, read_status
@@ -221,6 +221,29 @@ def test_without_room_no_bag_is_begun_and_one_sentence_is_said(toy, bench, monke
     bench.write(run[250:])
     bench.bags.close()
     assert fast_ticks(next(bench.directory.iterdir()))[-1] == 249
+    assert bench.status.failed + bench.status.recorded == len(run)
+
+
+def test_a_disk_that_cannot_be_asked_for_its_room_ends_no_recorder(toy, bench, monkeypatch):
+    answers = [OSError(5, "Input/output error"), os.statvfs("/")]
+
+    def statvfs(directory):
+        answer = answers.pop(0)
+        if isinstance(answer, OSError):
+            raise answer
+        return answer
+
+    monkeypatch.setattr(os, "statvfs", statvfs)
+    monkeypatch.setattr(bags_module, "LEAST_ROOM_BYTES", 0)
+    run = toy.datagrams()
+    bench.write(run[:100])
+    assert bench.said == [
+        f"cannot write a log in {bench.directory / NAME}: input/output error; trying again every second"
+    ]
+    assert (bench.status.failed, list(bench.directory.iterdir())) == (100, [])
+    bench.clocks.pass_s(1.0)
+    bench.write(run[100:])
+    bench.bags.close()
     assert bench.status.failed + bench.status.recorded == len(run)
 
 
