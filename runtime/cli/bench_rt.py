@@ -35,6 +35,7 @@ def measure(slices: int = SLICES, seconds: float = SLICE_S) -> None:
     from runtime.cli.bench import SCENARIO, recorded
     from runtime.cli.console import progress_bar
 
+    refusals: list[str] = []
     loads = [False, True] if shutil.which("stress-ng") else [False]
     for rate_hz in RATES_HZ:
         with recorded(SCENARIO, STANDING_UP_S + seconds + 0.5, {"loops.wbc_hz": str(rate_hz)}) as run_directory:
@@ -47,10 +48,12 @@ def measure(slices: int = SLICES, seconds: float = SLICE_S) -> None:
                     for number in range(slices):
                         ours.append(walk.slice(bare=False))
                         bare.append(walk.slice(bare=True))
-                        reference.append(cyclictest(walk.period_ns, seconds, priority=80))
+                        reference.append(cyclictest(walk.period_ns, seconds, 80, refusals.append))
                         progress(number + 1, slices)
                 _print(rate_hz, loaded, ours, bare, reference)
     print(LEGEND)
+    for refusal in dict.fromkeys(refusals):
+        print(f"{refusal}; so {refusals.count(refusal)} slices have no reference")
     for tool in ("cyclictest", "stress-ng"):
         if shutil.which(tool) is None:
             print(f"{tool} is not installed, so what it would show is missing (Debian: rt-tests, stress-ng)")

@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from runtime.cli.overruns import Slice
+from runtime.executors.processes import how_it_ended
 
 if TYPE_CHECKING:
     from runtime.executors.realtime import RealTime
@@ -111,15 +112,18 @@ def slice_of(executor: RealTime, sink: TickSink, loop: Loop) -> Slice:
     return Slice(*table[table[:, 0] * loop.period_ns >= STANDING_UP_S * 1e9].T)
 
 
-def cyclictest(period_ns: int, seconds: float, priority: int) -> list[float]:
-    """Wake latencies that cyclictest sees, us; none where it is not installed or may not run."""
+def cyclictest(period_ns: int, seconds: float, priority: int, say: Callable[[str], None]) -> list[float]:
+    """Wake latencies that cyclictest sees, us; none where it is not installed, or gives none, which is told why."""
     if shutil.which("cyclictest") is None:
         return []
     with tempfile.TemporaryDirectory(prefix="ugv-bench-") as parent:
         found = Path(parent) / "latencies.json"
         command = ["cyclictest", "-q", "-m", "-t1", f"-p{priority}", f"-i{period_ns // 1000}", "-h20000"]
         command += [f"-D{max(1, round(seconds))}", f"--json={found}"]
-        if subprocess.run(command, capture_output=True).returncode != 0 or not found.is_file():
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode != 0 or not found.is_file():
+            words = (done.stderr or done.stdout).split()
+            say(f"cyclictest {how_it_ended(done.returncode)}: {' '.join(words) or 'it does not say why'}")
             return []
         histogram = json.loads(found.read_text())["thread"]["0"]["histogram"]
     return [float(latency) for latency, count in histogram.items() for _ in range(count)]

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bench of the real-time executor counts what the ticks say."""
 
+import contextlib
+import os
+import re
 import shutil
 
 import pytest
 
-from runtime.cli import bench_rt, rt_slices
-from runtime.executors.tick import ENTRY, Tick, manifest_of
+from runtime import signals
+from runtime.cli import bench, bench_rt, rt_slices, sil
+from runtime.executors.tick import ENTRY, Tick, manifest_of, tick_record
+from runtime.recording.bag import BagSink
+from runtime.recording.setup import recording_setup
 from runtime.tasks import Loop
 
 LOOP = Loop("fast", 1_000_000, 500_000, 80, (), (), (), ())
@@ -51,9 +57,90 @@ def test_the_real_tasks_run_on_the_wall_clock_and_the_table_names_what_is_missin
     assert "stress-ng is not installed" in text
 
 
+def never(sentence):
+    raise AssertionError(sentence)
+
+
+def stand_in(directory, monkeypatch, script):
+    """Put a program called cyclictest first on the path."""
+    program = directory / "cyclictest"
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{directory}:{os.environ['PATH']}")
+
+
+def test_a_cyclictest_that_is_refused_is_told_in_one_sentence(tmp_path, monkeypatch, capsys):
+    stand_in(tmp_path, monkeypatch, "echo 'Unable to change scheduling policy!' >&2; echo 'be root' >&2; exit 1")
+    said = []
+    assert rt_slices.cyclictest(2_000_000, 1.0, 80, said.append) == []
+    assert said == ["cyclictest ended with code 1: Unable to change scheduling policy! be root"]
+    monkeypatch.setattr(bench_rt, "RATES_HZ", (500,))
+    monkeypatch.setattr(bench_rt, "Walk", EmptyWalk)
+    monkeypatch.setattr(bench, "recorded", lambda *_: contextlib.nullcontext(tmp_path))
+    monkeypatch.setattr(bench_rt, "load", lambda loaded: contextlib.nullcontext())
+    monkeypatch.setattr(bench_rt.shutil, "which", lambda tool: tool if tool == "cyclictest" else None)
+    bench_rt.measure(slices=3, seconds=1.0)
+    assert capsys.readouterr().out.count(f"{said[0]}; so 3 slices have no reference") == 1
+
+
+def test_what_cyclictest_sees_is_the_reference(tmp_path, monkeypatch):
+    result = '{"thread": {"0": {"histogram": {"3": 2, "5": 1}}}}'
+    script = f"""for option; do case $option in --json=*) echo '{result}' > "${{option#--json=}}" ;; esac; done"""
+    stand_in(tmp_path, monkeypatch, script)
+    assert rt_slices.cyclictest(2_000_000, 1.0, 80, never) == [3.0, 3.0, 5.0]
+
+
+class EmptyWalk:
+    """A walk of which no slice has a tick."""
+
+    period_ns = 2_000_000
+
+    def __init__(self, run_directory, seconds):
+        pass
+
+    def slice(self, bare):
+        return rt_slices.slice_of(Executor, rt_slices.TickSink(), LOOP)
+
+
+class LiveRun:
+    """Stands for a run in real time: its log has ticks with given latencies, and samples of a given age."""
+
+    def __init__(self, wake_us, age_us):
+        self.wake_us, self.age_us, self.asked = wake_us, age_us, None
+
+    def __call__(self, robot, scenario, out, until_s, progress):
+        self.asked = until_s
+        body = signals.BodyState("/ugv/body_state", {"foot": 4, "foot_xyz": 12, "foot_pair": 16})
+        body.imu_age_ns = self.age_us * 1000
+        loops = [Loop(name, 1, 1, 80, (body,) if name == "wbc" else (), (), (), ()) for name in self.wake_us]
+        manifest, sink = manifest_of(tuple(loops)), BagSink(out, recording_setup(loops, robot, "", 0))
+        for loop in loops:
+            tick = tick_record(loop)
+            tick.index, tick.wake_latency_ns = 0, self.wake_us[loop.name] * 1000
+            entries = [(record, record.to_bytes()) for record in (tick, *loop.port_inputs)]
+            numbers = [manifest.of_topic(record.topic).number for record, _ in entries]
+            parts = [ENTRY.pack(number, len(raw)) + raw for number, (_, raw) in zip(numbers, entries, strict=True)]
+            sink.write(b"".join(parts))
+        sink.close()
+        return {"sim_time_s": until_s}
+
+
+def test_a_run_in_real_time_shows_how_late_every_process_woke_and_how_old_the_samples_were(monkeypatch, capsys):
+    run = LiveRun({"wbc": 11, "mpc": 22, "link": 33, "sim": 44}, age_us=555)
+    monkeypatch.setattr(sil, "simulate_live", run)
+    bench_rt.measure_live(seconds=7.0)
+    text = capsys.readouterr().out
+    assert run.asked == 7.0
+    assert "in real time, 7 s, us" in text
+    rows = {words[0]: words[1:] for words in (re.findall(r"[\w.]+", line) for line in text.splitlines()) if words}
+    for name, wake_us in run.wake_us.items():
+        assert {float(value) for value in rows[name][:3]} == {wake_us}, name
+    assert {float(value) for value in rows["IMU"]} == {555}
+
+
 def test_without_cyclictest_there_is_no_reference(monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda tool: None)
-    assert rt_slices.cyclictest(2_000_000, 1.0, 80) == []
+    assert rt_slices.cyclictest(2_000_000, 1.0, 80, never) == []
     assert bench_rt.medians([]) is None
     assert bench_rt.medians([[]]) is None
     assert bench_rt.medians([[1.0, 3.0], [5.0, 5.0]])[0] == pytest.approx(3.5)
