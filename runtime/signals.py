@@ -204,6 +204,7 @@ class OperatorEvent(Record):
     motion = uint8("", "Motion that is asked for")
     velocity = float64_array(3, "m/s, m/s, rad/s", "forward, lateral, yaw rate that are asked for")
     sequence = int64("", "of the process that passes events on; two events differ in it or in their stamps")
+    lost = uint32("", "events that were overwritten before control came to them, since its start")
 
 
 class OperatorRequest(Record):

@@ -4,7 +4,7 @@
 The file is a ring of cells, each with a sequence number and a check sum of the record's bytes. A reader takes either
 the newest record (`latest`: a measurement) or each one in turn (`next`: an event), and takes none whose numbers do not
 agree, as while it is being overwritten. The oldest cell is left to the writer, which may have been killed within it.
-What a reader could not have is counted.
+A measurement that cannot be had grows old, which its user sees by its stamp; an event that cannot be had is counted.
 
     header   layout (u64)  written (u64)
     cell     sequence (u64, from 1)  CRC-32 of sequence and body (u64)  body, padded to 8 bytes
@@ -132,7 +132,6 @@ class SharedReader:
 
     Attributes:
         lost: records that were overwritten before `next` came to them, since start.
-        torn: reads given up because the numbers of a cell did not agree, since start.
 
     Raises:
         SharedMemoryError: if the file is not there or has another layout.
@@ -144,7 +143,7 @@ class SharedReader:
             self._ring.close()
             raise SharedMemoryError(f"{path} holds another record than {record.topic}, or one of another layout")
         self._taken = 0
-        self.lost = self.torn = 0
+        self.lost = 0
 
     def latest(self, record: Record) -> bool:
         """Load the newest record; False if there is none that was not taken yet, and `record` then is as it was."""
@@ -155,7 +154,6 @@ class SharedReader:
             if self._take(written - 1, record):
                 self._taken = written
                 return True
-        self.torn += 1
         return False
 
     def next(self, record: Record) -> bool:
@@ -171,7 +169,6 @@ class SharedReader:
                 self.lost += oldest - self._taken
                 self._taken = oldest + 1
                 return True
-        self.torn += 1
         return False
 
     def _take(self, number: int, record: Record) -> bool:

@@ -62,7 +62,10 @@ class LatestPort(_SharedPort):
 
 
 class EventPort(_SharedPort):
-    """Gives each record in turn, one a read: an event, of which none may be passed over."""
+    """Gives each record in turn, one a read: an event, of which none may be passed over.
+
+    Those that were overwritten before this port came to them are told in the field `lost` of the next, if it has one.
+    """
 
     def __init__(self, directory: Path) -> None:
         super().__init__(directory, EVENT_CELLS)
@@ -70,4 +73,8 @@ class EventPort(_SharedPort):
     def read(self, record: Record, now_ns: int) -> bool:
         """Fill the record with the next one, if there is one."""
         reader = self._open(record, now_ns)
-        return reader is not None and reader.next(record)
+        if reader is None or not reader.next(record):
+            return False
+        if hasattr(record, "lost"):
+            record.lost = reader.lost
+        return True

@@ -25,6 +25,7 @@ from runtime.signals import (
     JointCommand,
     JointState,
     Mode,
+    OperatorEvent,
     SafetyStatus,
 )
 from runtime.vehicle_signals import WheelState
@@ -130,6 +131,9 @@ class Diagnosis:
         forces, command = newest(topics.CONTACT_FORCES, ContactForces), newest(topics.JOINT_COMMAND, JointCommand)
         if forces is not None and command is not None:
             yield self._counted("solvers", {"mpc_failures": forces.failures, "wbc_failures": command.qp_failures}, {})
+        event = newest(topics.OPERATOR_EVENT, OperatorEvent)
+        if event is not None:
+            yield self._counted("operator", {"lost_events": int(event.lost)}, {})
         battery = newest(topics.BATTERY, Battery)
         if battery is not None:
             figures = {"voltage_v": battery.voltage, "current_a": battery.current, "charge": battery.charge}

@@ -19,7 +19,7 @@ from runtime.recording.bags import Bags
 from runtime.recording.recorder_status import RecorderStatus
 from runtime.records import Record
 from runtime.robots import topics
-from runtime.signals import Battery, BodyState, BusStatus, Imu, JointState, SafetyStatus
+from runtime.signals import Battery, BodyState, BusStatus, Imu, JointState, OperatorEvent, SafetyStatus
 from runtime.tasks import Loop
 from runtime.vehicle_signals import WheelState
 
@@ -82,6 +82,7 @@ def loop_of_everything() -> tuple[Manifest, tuple[Record, ...]]:
         BusStatus(topics.BUS_STATUS, SIZES),
         BodyState(topics.BODY_STATE, SIZES),
         Battery(topics.BATTERY),
+        OperatorEvent(topics.OPERATOR_EVENT),
     )
     return manifest_of((Loop("wbc", 2_000_000, 1_000_000, 80, records, (), (), ()),)), records
 

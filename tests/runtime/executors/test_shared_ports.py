@@ -1,8 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records of another process enter a loop, whichever of the two was there first."""
 
-from runtime.executors.shared_ports import LOOK_AGAIN_NS, EventPort, LatestPort, event_writer, latest_writer
+from runtime.executors.shared_ports import (
+    EVENT_CELLS,
+    LOOK_AGAIN_NS,
+    EventPort,
+    LatestPort,
+    event_writer,
+    latest_writer,
+)
 from runtime.records import Record, int64
+from runtime.signals import OperatorEvent
 
 
 class Value(Record):
@@ -37,6 +45,18 @@ def test_of_events_each_counts(tmp_path):
     writer, port = event_writer(tmp_path, Value("/ugv/value")), EventPort(tmp_path)
     write(writer, 1, 2, 3)
     assert read_all(port) == [1, 2, 3]
+
+
+def test_events_that_were_overwritten_are_told_in_the_next(tmp_path):
+    event = OperatorEvent("/ugv/operator_event")
+    writer, port = event_writer(tmp_path, event), EventPort(tmp_path)
+    for sequence in range(EVENT_CELLS + 4):
+        event.sequence = sequence
+        writer.write(event)
+    seen, found = event.like(), []
+    while port.read(seen, 0):
+        found.append((seen.sequence, int(seen.lost)))
+    assert found == [(sequence, 5) for sequence in range(5, EVENT_CELLS + 4)]
 
 
 def test_a_port_finds_a_writer_that_comes_later(tmp_path):

@@ -16,13 +16,14 @@ from runtime.link.tally import Tally
 from runtime.messages.diagnostics import Level
 from runtime.recording.recorder_status import RecorderStatus
 from runtime.robots import topics
-from runtime.signals import BusState, BusStatus, Fault, Imu, JointState, Mode, SafetyStatus
+from runtime.signals import BusState, BusStatus, Fault, Imu, JointState, Mode, OperatorEvent, SafetyStatus
 from runtime.tasks import Loop
 
 SIZES = {"joint": 2, "bus": 2}
 IMU, SAFETY = Imu(topics.IMU), SafetyStatus(topics.SAFETY)
 JOINTS, BUSES = JointState(topics.JOINT_STATE, SIZES), BusStatus(topics.BUS_STATUS, SIZES)
-LOOP = Loop("wbc", 2_000_000, 1_000_000, 80, (IMU, SAFETY, JOINTS, BUSES), (), (), ())
+EVENT = OperatorEvent(topics.OPERATOR_EVENT)
+LOOP = Loop("wbc", 2_000_000, 1_000_000, 80, (IMU, SAFETY, JOINTS, BUSES, EVENT), (), (), ())
 MANIFEST = manifest_of((LOOP,))
 SILENT_NS = 500_000_000
 
@@ -129,6 +130,14 @@ def test_every_bus_that_is_not_up_is_an_error(monitor, diagnosis):
     assert told.level == Level.ERROR
     assert told.values["state"] == "off"
     assert (told.values["purged"], told.values["withheld"]) == (3, 6)
+
+
+def test_events_that_control_has_lost_are_a_warning(monitor, diagnosis):
+    event = EVENT.like()
+    event.lost = 2
+    monitor.take(datagram(0, event), 0)
+    told = part(diagnosis, "operator")
+    assert (told.level, told.values["lost_events"]) == (Level.WARN, 2)
 
 
 def test_a_counter_warns_once_after_it_has_grown(monitor, diagnosis):
