@@ -183,3 +183,14 @@ def test_on_a_full_disk_nothing_recorded_is_lost(toy, tmp_path, monkeypatch, res
     if reserve:
         with AnyReader([tmp_path / "run"]) as reader:
             assert sum(1 for _ in reader.messages()) == reader.message_count
+
+
+def test_a_sync_that_failed_is_told_when_the_log_is_closed_and_the_log_is_whole(toy, tmp_path, monkeypatch):
+    monkeypatch.setattr(bag_module.Syncer, "close", lambda syncer: OSError(errno.EIO, "Input/output error"))
+    sink = BagSink(tmp_path / "run", toy.setup(), REALTIME)
+    for datagram in toy.datagrams(seconds=0.1):
+        sink.write(datagram)
+    with pytest.raises(RecordingError, match="input/output error"):
+        sink.close()
+    assert not Log(tmp_path / "run").truncated
+    assert (tmp_path / "run" / "metadata.yaml").exists()
