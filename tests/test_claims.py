@@ -24,6 +24,8 @@ GOOD = {
     "drive_ms": {"p99": 1.0},
     "realtime_factor": 3.0,
     "push": {"passed": True, "back_at_speed": True},
+    "heading_error_rad": {"max": 0.1},
+    "patch": {"speed_entry_mps": 3.0, "speed_least_mps": 1.8},
 }
 
 
@@ -78,6 +80,8 @@ def test_good_runs_keep_every_claim(run: Run, capsys: pytest.CaptureFixture[str]
         {"speed_mps": {"mean": 0.5, "commanded": 0.6}},
         {"push": {"passed": True, "back_at_speed": False}},
         {"push": {"passed": False, "back_at_speed": True}},
+        {"patch": {"speed_entry_mps": 3.0, "speed_least_mps": 2.7}},
+        {"heading_error_rad": {"max": 2.0}},
         {"differing": True},
         {"missed": 1},
     ],

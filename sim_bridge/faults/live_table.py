@@ -183,7 +183,7 @@ LIVE_ROWS = (
         holds_up=("mpc",),
     ),
     LiveRow(
-        "MPC hung",
+        "MPC held for good",
         ("stand", "damp"),
         carried(plan_given_up),
         act=stage.loop_held("mpc"),
