@@ -27,8 +27,9 @@ from sim_bridge.faults.witness import Witness
 from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.tick_mirror import TickMirror
 
-STEADY_NS = 500_000_000
-"""A robot that has walked for so long is at its speed."""
+STEADY_NS, STEADY_MPS = 500_000_000, 0.4
+"""A robot that has been asked for so long to walk so fast, or faster, is at its speed; one that was given its path anew
+first looks for its place on it."""
 LOOK_NS = 10_000_000
 SILENT_NS = 200_000_000
 """Without a tick for so long, control is called silent."""
@@ -134,7 +135,7 @@ class Injector:
             self._ticks, self._tick_ns = self._mirror.taken, now_ns
         silent = now_ns - self._tick_ns > SILENT_NS
         state = SILENT if silent else Mode(self._safety.mode).name
-        walks = state == Mode.ACTIVE.name and bool(self._gait.walking) and self._command.remaining > 0.0
+        walks = state == Mode.ACTIVE.name and bool(self._gait.walking) and self._command.velocity[0] >= STEADY_MPS
         if not walks:
             self._walks_since_ns = None
             if self._strike_ns:  # it stumbled before the moment came: wait until it walks again

@@ -141,8 +141,8 @@ class Bench:
     def order(self, **entries):
         os.write(self.orders, json.dumps(entries).encode() + b"\n")
 
-    def walk(self, walking=True, mode=Mode.ACTIVE):
-        self.safety.mode, self.gait.walking, self.command.remaining = mode, walking, 5.0
+    def walk(self, walking=True, mode=Mode.ACTIVE, speed_mps=0.6):
+        self.safety.mode, self.gait.walking, self.command.velocity[0] = mode, walking, speed_mps
 
     def run(self, duration_ns, silent=False):
         for _ in range(duration_ns // MS):
@@ -166,6 +166,8 @@ def test_a_fault_strikes_once_the_robot_has_walked_and_is_undone_on_order(bench)
     tap, pose = Tap(bench.inputs, topics.LOCALIZATION), Pose(topics.LOCALIZATION)
     bench.order(fault="silent", seed=3, lasts_ns=1 << 60)
     bench.walk(walking=False)
+    bench.run(2 * STEADY_NS)
+    bench.walk(speed_mps=0.1)
     bench.run(2 * STEADY_NS)
     assert bench.answers("struck") == []
     bench.walk()
