@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from runtime.executors.runtime_directory import runtime_directory
+from runtime.recording.recorder_status import read_status
 from runtime.recording.stalls import STALL_NS
 from runtime.robots import topics
 from runtime.signals import Mode
@@ -55,10 +56,10 @@ class Kill(NamedTuple):
 class Arena:
     """One robot that walks, and whose processes are killed."""
 
-    def __init__(self, live: LiveProcesses, seed: int) -> None:
-        self._live, self._seed = live, seed
+    def __init__(self, live: LiveProcesses, directory: Path, seed: int) -> None:
+        self._live, self._directory, self._seed = live, directory, seed
         self._answers = LiveAnswers(live.answers())
-        self._kills = 0
+        self._kills = self._killed_ns = 0
 
     def walks_again(self) -> bool:
         """Wait until the robot walks."""
@@ -73,7 +74,7 @@ class Arena:
         self._live.order(Order(victim, self._seed + self._kills))
         if not self._answers.wait_for_more(self._answers.struck, struck, WALKS_WITHIN_S):
             return None
-        at_ns = time.monotonic_ns()
+        at_ns = self._killed_ns = time.monotonic_ns()
         os.kill(self._live.processes.pid(victim), signal.SIGKILL)
         if victim == "sim":
             self._answers.wait(lambda: bool(self._answers.ended), ANSWERS_WITHIN_S)
@@ -84,6 +85,8 @@ class Arena:
         if not self._answers.wait(lambda: self._answers.state in EXPECTED[victim], ANSWERS_WITHIN_S):
             findings.append(f"the robot is {self._answers.state}")
         self._live.restart(victim)
+        if victim == "recorder" and not self._answers.wait(self._records, ANSWERS_WITHIN_S):
+            findings.append("nothing is recorded any more")
         self._live.order(Order(None))
         if self._answers.wait_for_more(self._answers.seen, seen, ANSWERS_WITHIN_S):
             witnessed = self._answers.seen[-1]
@@ -94,6 +97,11 @@ class Arena:
             findings.append("the simulator does not say what it saw")
         return Kill(victim, at_ns, tuple(findings))
 
+    def _records(self) -> bool:
+        """Whether the recorder that runs now says that it records; of one that was killed an old word is left."""
+        status = read_status(self._directory)
+        return status is not None and bool(status.recording) and status.updated_ns > self._killed_ns
+
 
 def campaign(victims: Sequence[str], seed: int, out: Path) -> list[str]:
     """Kill one process after the other, then judge the logs; returns what was not as it must be."""
@@ -101,7 +109,7 @@ def campaign(victims: Sequence[str], seed: int, out: Path) -> list[str]:
     with runtime_directory() as directory, wired(ROBOT, {}, directory, hub_buses) as (config, _):
         task = Task("", SCENARIO, seed, str(directory), duration_s=1e6, injects=True)
         with LiveProcesses(config, task, out) as live:
-            arena = Arena(live, seed)
+            arena = Arena(live, directory, seed)
             for number, victim in enumerate(victims, start=1):
                 kill = arena.strike(victim)
                 if kill is None:
