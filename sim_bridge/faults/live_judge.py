@@ -108,8 +108,8 @@ def _answers(episode: Episode, logs: LiveLogs) -> dict[str, int]:
         "damp": mode == Mode.DAMPED,
     }
     firsts = {answer: int(status["stamp_ns"][there.argmax()]) for answer, there in signs.items() if there.any()}
-    if "damp" not in firsts and episode.released_ns is not None:
-        firsts["damp"] = episode.released_ns
+    if episode.released_ns is not None:  # by themselves, perhaps, before control could say so
+        firsts["damp"] = min(firsts.get("damp", FOREVER_NS), episode.released_ns)
     end_ns = firsts.get("damp", episode.until_ns)
     return dict(sorted(((a, t) for a, t in firsts.items() if t <= end_ns), key=lambda first: first[1]))
 
