@@ -101,25 +101,29 @@ class DriveTracker(Task):
         drives = self._safety.mode == Mode.ACTIVE and self._request.motion == Motion.WALK
         return not drives or self._safety.halt != 0
 
+    def _step_s(self, now_ns: int) -> float:
+        """Time since the last step, s; 0 in the first, and of a longer gap only the part that counts."""
+        stamp_ns = self.state.stamp_ns
+        dt = (now_ns - stamp_ns) * 1e-9 if stamp_ns else 0.0
+        return min(dt, self._config.following.longest_step_s)
+
     def _lost(self, now_ns: int) -> float:
         """The share of the accelerations that cannot be counted on for how the vehicle slides."""
         memory, config, body = self.state, self._config.traction, self._body
-        dt = (now_ns - memory.stamp_ns) * 1e-9 if memory.stamp_ns else 0.0
         asked_mps2 = memory.forward * memory.yaw_rate
         sliding = slides(body.velocity.tolist(), body.slip.tolist(), asked_mps2, config)
         return next_lost(
             memory.lost,
             sliding and memory.manner == SteeringMode.ACKERMANN,
-            min(dt, self._config.following.longest_step_s),
+            self._step_s(now_ns),
             config,
         )
 
     def _roam(self, wanted: PlanarVelocity, now_ns: int) -> None:
         """Follow a velocity."""
-        memory, following = self.state, self._config.following
-        dt = (now_ns - memory.stamp_ns) * 1e-9 if memory.stamp_ns else 0.0
+        memory = self.state
         present = PlanarVelocity(memory.forward, memory.lateral, memory.yaw_rate)
-        self._move(approached(present, wanted, following.speed, min(dt, following.longest_step_s)), now_ns)
+        self._move(approached(present, wanted, self._config.following.speed, self._step_s(now_ns)), now_ns)
         memory.manner = manner_of(wanted, memory.manner)
 
     def _move(self, velocity: PlanarVelocity, now_ns: int) -> None:

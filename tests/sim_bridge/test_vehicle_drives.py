@@ -5,11 +5,11 @@ import pytest
 
 from runtime.robots import load_configuration
 from sim_bridge.run import run_scenario
+from sim_bridge.vehicle_model import GRAVITY_MPS2
 
 SPEED_KEY, LATERAL_KEY = "scenario.speed_mps", "tracker.following.speed.lateral_acceleration_mps2"
 BLIND = {"tracker.traction.lateral_mps": "2.0", "tracker.traction.rolling_mps": "2.0"}
 """A vehicle that takes no side slip for what it is."""
-GRAVITY_MPS2 = 9.81
 
 
 @pytest.mark.parametrize(
