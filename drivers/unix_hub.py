@@ -15,6 +15,7 @@ from pathlib import Path
 
 from drivers.can_frame import FRAME_SIZE
 from drivers.errors import DriverConfigError
+from drivers.seqpacket import listen
 
 _BACKLOG = 16
 _MOST_PACKETS = 256
@@ -38,25 +39,10 @@ class UnixHub:
     def __init__(self, path: Path) -> None:
         self.path, self.dropped, self.rejected = path, 0, 0
         self._ends: list[socket.socket] = []
-        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
         try:
-            self._bind()
+            self._listener = listen(path, _BACKLOG)
         except OSError as error:
-            self._listener.close()
             raise DriverConfigError(f"{path}: no CAN hub can be made there ({error.strerror})") from None
-
-    def _bind(self) -> None:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
-            try:
-                probe.connect(str(self.path))
-            except FileNotFoundError:
-                pass
-            except ConnectionRefusedError:
-                self.path.unlink()
-            else:
-                raise DriverConfigError(f"{self.path} already has a CAN hub")
-        self._listener.bind(str(self.path))
-        self._listener.listen(_BACKLOG)
         self._poll = select.epoll()
         self._poll.register(self._listener, select.EPOLLIN)
 

@@ -15,6 +15,7 @@ import time
 from collections import deque
 from pathlib import Path
 
+from drivers.seqpacket import listen
 from runtime.errors import UgvError
 from runtime.executors.linux import send_at_once
 
@@ -113,29 +114,14 @@ class TickListener:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
         try:
-            self._bind()
+            self._listener = listen(path, _BACKLOG)
         except OSError as error:
-            self._listener.close()
             raise TickStreamError(f"{path}: cannot listen there ({error.strerror})") from None
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)
         self._ready: deque[socket.socket] = deque()
         self._room = memoryview(bytearray(_LONGEST_DATAGRAM))
-
-    def _bind(self) -> None:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
-            try:
-                probe.connect(str(self._path))
-            except FileNotFoundError:
-                pass
-            except ConnectionRefusedError:
-                self._path.unlink()
-            else:
-                raise TickStreamError(f"{self._path}: another process listens there")
-        self._listener.bind(str(self._path))
-        self._listener.listen(_BACKLOG)
 
     @property
     def streams(self) -> int:
