@@ -9,15 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from drivers.can_frame import CAN_ERR_FLAG, Frames, make_frames
+from drivers.can_frame import CAN_ERR_FLAG, FRAME_SIZE, MAX_DATA_LENGTH, Frames, make_frames
 from drivers.memory_bus import End
 from runtime.robots import topics
 from sim_bridge.faults.wires import Wires
 
 BUS_OFF, RESTARTED = 0x040, 0x100
 """Classes of error frames: linux/can/error.h."""
-_POSITION_BYTES, _EFFORT_BYTES, _TEMPERATURE_BYTE, _ERROR_BYTE = (9, 10), (12, 13), 14, 15
-"""Of a reply of eight bytes, within its `struct can_frame`."""
+_DATA = FRAME_SIZE - MAX_DATA_LENGTH
+"""Where the data begin in a `struct can_frame`."""
+_DRIVE, _POSITION, _EFFORT, _TEMPERATURE, _ERROR = 0, (1, 2), (4, 5), 6, 7
+"""Bytes of a drive's reply; the effort has the lower half of its first."""
+_FAR_OFF = 0xB0
+"""In both bytes of a position: 4.8 rad at the drive, beyond every joint's limits."""
 
 
 def _a_joint(wires: Wires) -> int:
@@ -28,21 +32,22 @@ def _a_bus(wires: Wires) -> int:
     return int(wires.rng.integers(wires.config.drives.buses))
 
 
-def _alter_replies(wires: Wires, begin_ns: int, end_ns: int, alter: Callable[[bytearray], bool]) -> None:
+def _alter_replies(wires: Wires, begin_ns: int, end_ns: int, alter: Callable[[memoryview], bool]) -> None:
     """Alter or destroy the replies of one drive."""
     joint, drives = _a_joint(wires), wires.config.drives
     bus, drive = drives.bus[joint], drives.can_id[joint]
 
     def change(sender: End, on_bus: int, arrival_ns: int, frame: bytearray) -> bool:
-        of_drive = sender == End.DEVICE and on_bus == bus and frame[8] == drive
-        return not (of_drive and begin_ns <= arrival_ns < end_ns) or alter(frame)
+        reply = memoryview(frame)[_DATA:]
+        of_drive = sender == End.DEVICE and on_bus == bus and reply[_DRIVE] == drive
+        return not (of_drive and begin_ns <= arrival_ns < end_ns) or alter(reply)
 
     wires.tamper(change)
 
 
 def no_replies(wires: Wires, begin_ns: int, end_ns: int) -> None:
     """One drive's replies are lost."""
-    _alter_replies(wires, begin_ns, end_ns, lambda frame: False)
+    _alter_replies(wires, begin_ns, end_ns, lambda reply: False)
 
 
 def drive_error(wires: Wires, begin_ns: int, end_ns: int) -> None:
@@ -55,26 +60,26 @@ def drive_error(wires: Wires, begin_ns: int, end_ns: int) -> None:
 def reported_error(wires: Wires, begin_ns: int, end_ns: int) -> None:
     """A drive reports an error, but goes on."""
     code = int(wires.rng.integers(1, 7))
-    _alter_replies(wires, begin_ns, end_ns, lambda frame: _put(frame, _ERROR_BYTE, code))
+    _alter_replies(wires, begin_ns, end_ns, lambda reply: _put(reply, _ERROR, code))
 
 
-def _put(frame: bytearray, place: int, value: int) -> bool:
-    frame[place] = value
+def _put(reply: memoryview, place: int, value: int) -> bool:
+    reply[place] = value
     return True
 
 
 def hot_drive(wires: Wires, begin_ns: int, end_ns: int) -> None:
     """A drive reports a temperature above its limit."""
     value = int(wires.config.safety.temperature_max_degc) + 5
-    _alter_replies(wires, begin_ns, end_ns, lambda frame: _put(frame, _TEMPERATURE_BYTE, value))
+    _alter_replies(wires, begin_ns, end_ns, lambda reply: _put(reply, _TEMPERATURE, value))
 
 
 def saturated_drive(wires: Wires, begin_ns: int, end_ns: int) -> None:
     """A drive reports the largest torque that its replies can hold."""
 
-    def alter(frame: bytearray) -> bool:
-        frame[_EFFORT_BYTES[0]] |= 0x0F
-        frame[_EFFORT_BYTES[1]] = 0xFF
+    def alter(reply: memoryview) -> bool:
+        reply[_EFFORT[0]] |= 0x0F
+        reply[_EFFORT[1]] = 0xFF
         return True
 
     _alter_replies(wires, begin_ns, end_ns, alter)
@@ -83,9 +88,9 @@ def saturated_drive(wires: Wires, begin_ns: int, end_ns: int) -> None:
 def joint_out_of_range(wires: Wires, begin_ns: int, end_ns: int) -> None:
     """A drive reports a position far beyond its joint's limits."""
 
-    def alter(frame: bytearray) -> bool:
-        for place in _POSITION_BYTES:
-            frame[place] = 0xB0
+    def alter(reply: memoryview) -> bool:
+        for place in _POSITION:
+            reply[place] = _FAR_OFF
         return True
 
     _alter_replies(wires, begin_ns, end_ns, alter)
