@@ -10,6 +10,7 @@ SERVICE_ARGS ?=
 CLAIMS_ARGS ?=
 FAULTS_ARGS ?=
 KILLS_ARGS ?=
+ENDURANCE_S ?= 600
 FUZZ_S ?= 20
 ROBOT ?= uslgo1
 SCENARIO_uslgo1 := circle-6cm
@@ -26,7 +27,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: sil venv test test-guest test-service lint fuzz claims faults faults-live kills bench clean
+.PHONY: sil venv test test-guest test-service lint fuzz claims faults faults-live kills endurance bench clean
 .DEFAULT_GOAL := sil
 
 sil: venv  ## Walk USLGO1 round the 6 cm circle, or with ROBOT=4ws4wd drive the vehicle from beside a line onto it.
@@ -85,6 +86,10 @@ claims: venv  ## Walk the scenarios on a few seeds and compare with what is clai
 
 kills: venv  ## Kill each process of a robot that walks in real time, again and again.
 	$(BIN)/python tests/campaigns/kills.py $(KILLS_ARGS)
+
+endurance: venv  ## Walk in real time for ENDURANCE_S seconds, lap after lap, and replay the log.
+	out="$$(mktemp -d)" && trap 'rm -rf "$$out"' EXIT && \
+	    $(BIN)/ugv sil uslgo1 circle-6cm --realtime --duration $(ENDURANCE_S) --out "$$out" && $(BIN)/ugv replay "$$out"
 
 bench: venv  ## Measure, each figure beside what it is compared with.
 	$(BIN)/ugv bench fuzzy

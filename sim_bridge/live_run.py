@@ -20,6 +20,7 @@ from runtime.recording.log import Log
 from runtime.recording.run_data import BODY_STATE
 from runtime.recording.stalls import STALL_NS, fault_events
 from runtime.robots import assembled
+from sim_bridge.live_flaws import flaws
 from sim_bridge.live_processes import LiveProcesses, wired
 from sim_bridge.observer import Progress
 from sim_bridge.process import Task
@@ -64,6 +65,8 @@ def run_live(
             outcome = _watched(live, progress or _unseen)
             live.stop()
     bags = RunBags(out, lambda sentence: print(f"ugv sil: {sentence}", file=sys.stderr))
+    faults = [fault for log in bags for fault in _faults(log)]
+    found = flaws(faults, outcome["resources"], duration_s)
     summary = {
         "robot": robot,
         "scenario": scenario,
@@ -73,7 +76,8 @@ def run_live(
         **outcome,
         **timings(bags, (loop.name for loop in assembled(config).loops)),
         "imu_age_ms": _spread(bags.read(BODY_STATE).values["imu_age_ns"]),
-        "faults": [fault for log in bags for fault in _faults(log)],
+        "faults": faults,
+        "flaws": found,
         "realtime": True,
         "log": bags.longest.path.name,
         "other_logs": [directory.name for directory in bags.others],

@@ -106,4 +106,4 @@ def exit_code(summary: Mapping[str, Any]) -> int:
     """What a run's outcome means to the shell."""
     if summary.get("fault"):
         return RobotFault.exit_code
-    return 0 if summary["completed"] and not summary["fell"] else 1
+    return 0 if summary["completed"] and not summary["fell"] and not summary.get("flaws") else 1

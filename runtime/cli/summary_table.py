@@ -10,6 +10,8 @@ from typing import Any
 from runtime.cli.console import print_table
 
 _CENTIMETRES, _DEGREES = 100.0, 180.0 / math.pi
+_MEGABYTE = 1e6
+_KEPT = {"open_files": "open files", "mapped_files": "mapped files"}
 LOOPS = {"wbc": "WBC tick", "mpc": "MPC step", "drive": "drive tick"}
 
 
@@ -23,6 +25,10 @@ def print_summary(summary: Mapping[str, Any]) -> None:
 def summary_rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Label and value of each line."""
     yield "outcome", outcome(summary)
+    yield from (("flaw", flaw) for flaw in summary.get("flaws", ()))
+    if "laps" in summary:
+        yield "laps", str(summary["laps"])
+    yield from (("power lost", _loss(fault)) for fault in summary.get("faults", ()))
     if summary.get("completion_time_s") is not None:
         yield "time to the goal", f"{summary['completion_time_s']:.2f} s"
     if summary.get("path_length_m") is not None:
@@ -49,9 +55,14 @@ def summary_rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for name, label in LOOPS.items():
         if f"{name}_ms" in summary:
             yield label, _joined(summary[f"{name}_ms"], 1.0, "ms")
+    if "imu_age_ms" in summary:
+        yield "age of inertial samples", _joined(summary["imu_age_ms"], 1.0, "ms")
     missed = summary.get("missed_deadlines", {})
     if missed:
         yield "longer than their period", ", ".join(f"{count} of {name}" for name, count in missed.items())
+    for process, held in summary.get("resources", {}).items():
+        if held["early"] and held["late"]:
+            yield f"held by {process}", _held(held["early"], held["late"])
     if {"sim_time_s", "wall_time_s", "realtime_factor"} <= summary.keys():
         factor = f"{summary['realtime_factor']:.2f} times real time"
         yield "simulated", f"{summary['sim_time_s']:.2f} s in {summary['wall_time_s']:.2f} s: {factor}"
@@ -67,6 +78,20 @@ def outcome(summary: Mapping[str, Any]) -> str:
         words.append("FELL")
     if summary.get("fault"):
         words.append(f"FAULT {summary['fault']}")
+    return ", ".join(words)
+
+
+def _loss(fault: Mapping[str, Any]) -> str:
+    stall = fault["stall"]
+    return f"{fault['fault']}, " + (
+        f"after a stall of {stall['loop']} of {stall['ms']:.0f} ms" if stall else "no stall"
+    )
+
+
+def _held(early: Mapping[str, int], late: Mapping[str, int]) -> str:
+    memory = (held["resident_bytes"] / _MEGABYTE for held in (early, late))
+    words = ["{:.1f} then {:.1f} MB".format(*memory)]
+    words += [f"{early[key]} then {late[key]} {what}" for key, what in _KEPT.items()]
     return ", ".join(words)
 
 

@@ -79,6 +79,7 @@ def test_what_is_not_said_has_its_default(calls: list[dict[str, Any]]) -> None:
         ({"fell": True}, 1),
         ({"completed": False, "fault": "TILT"}, 3),
         ({"fault": ""}, 0),
+        ({"flaws": ["control holds 21 open files, 20 before"]}, 1),
     ],
 )
 def test_the_outcome_is_the_exit_code(calls: list[dict[str, Any]], answer: dict[str, Any], code: int) -> None:

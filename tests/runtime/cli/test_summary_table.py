@@ -70,6 +70,33 @@ def test_a_slippery_patch_is_told_of(speeds: tuple[float | None, ...], said: str
     assert rows["slippery patch"] == f"side slip up to 5.7 degrees{said}"
 
 
+def test_a_walk_against_the_clock_tells_of_laps_losses_and_what_is_held() -> None:
+    early = {"resident_bytes": 120_000_000, "open_files": 20, "mapped_files": 300}
+    summary = {
+        "completed": True,
+        "laps": 8,
+        "flaws": ["control holds 23 open files, 20 before"],
+        "faults": [
+            {"at_ns": 5, "fault": "STALE_IMU", "stall": {"loop": "wbc", "ms": 34.2}},
+            {"at_ns": 9, "fault": "TILT", "stall": None},
+        ],
+        "imu_age_ms": {"median": 0.64, "p99": 2.7, "max": 12.0},
+        "resources": {
+            "control": {"early": early, "late": early | {"open_files": 23}},
+            "link": {"early": None, "late": early},
+        },
+    }
+    assert list(summary_rows(summary)) == [
+        ("outcome", "completed"),
+        ("flaw", "control holds 23 open files, 20 before"),
+        ("laps", "8"),
+        ("power lost", "STALE_IMU, after a stall of wbc of 34 ms"),
+        ("power lost", "TILT, no stall"),
+        ("age of inertial samples", "median 0.64, p99 2.70, max 12.00 ms"),
+        ("held by control", "120.0 then 120.0 MB, 20 then 23 open files, 300 then 300 mapped files"),
+    ]
+
+
 def test_what_a_run_does_not_have_is_left_out() -> None:
     assert dict(summary_rows({"completed": False, "fell": True, "completion_time_s": None})) == {
         "outcome": "NOT completed, FELL"

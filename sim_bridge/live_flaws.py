@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run against the wall clock shows that must not be, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+LONG_S = 600.0
+"""From this duration on it is judged what processes hold; in shorter runs they still warm up."""
+MEMORY_GROWTH_MAX = 0.02
+
+
+def flaws(faults: Sequence[Mapping[str, Any]], resources: Mapping[str, Any], duration_s: float | None) -> list[str]:
+    """Faults that no stall of the machine explains, and what processes of a long walk have kept.
+
+    Args:
+        faults: losses of power, each with the stall before it or None.
+        resources: by process, what it held early and late.
+        duration_s: of a walk lap after lap; None for one scenario.
+    """
+    found = [
+        f"power was lost to {fault['fault']} without a stall of this machine before it"
+        for fault in faults
+        if fault["stall"] is None
+    ]
+    if duration_s is not None and duration_s >= LONG_S:
+        for process, held in resources.items():
+            found += _kept(process, held["early"], held["late"])
+    return found
+
+
+def _kept(process: str, early: Mapping[str, int] | None, late: Mapping[str, int] | None) -> Iterator[str]:
+    if early is None or late is None:
+        yield f"{process} was not there all the time"
+        return
+    for key, what in (("open_files", "open files"), ("mapped_files", "mapped files")):
+        if late[key] > early[key]:
+            yield f"{process} holds {late[key]} {what}, {early[key]} before"
+    growth = late["resident_bytes"] / early["resident_bytes"] - 1.0
+    if growth > MEMORY_GROWTH_MAX:
+        yield f"{process} holds {100.0 * growth:.1f} % more memory than after two minutes"
