@@ -30,7 +30,7 @@ def _walk(
     closed: bool = False,
     profile: Points = (),
     start_yaw_rad: float | None = None,
-    extra_time_s: float = 0.0,
+    time_beside_s: float = 0.0,
     push: Push | None = None,
 ) -> Scenario:
     path = paths.Polyline(waypoints, closed)
@@ -49,7 +49,8 @@ def _walk(
         start_pose=(x, y, yaw),
         terrain=ground,
         profile=profile,
-        nominal_time_s=surface / speed_mps + extra_time_s,
+        nominal_time_s=surface / speed_mps + time_beside_s,
+        time_beside_s=time_beside_s,
         push=push,
     )
 
@@ -123,7 +124,7 @@ def _stand() -> Scenario:
 def _turn() -> Scenario:
     # Starts looking away from the path by 135 degrees: an in-place turn, then 3 m straight.
     path = paths.straight(3.0)
-    return _walk("turn", path, _level(path), 0.6, start_yaw_rad=math.radians(-135.0), extra_time_s=5.0)
+    return _walk("turn", path, _level(path), 0.6, start_yaw_rad=math.radians(-135.0), time_beside_s=5.0)
 
 
 _NAMED: dict[str, Callable[[], Scenario]] = {
@@ -189,4 +190,4 @@ def custom(waypoints: paths.Waypoints, speed_mps: float = 0.6, amplitude_m: floa
         raise ValueError(f"custom: speed = {speed_mps} m/s must be positive and finite")
     extent, (x, y) = terrain.extent_of(points), points[0].tolist()
     ground = partial(terrain.undulation, amplitude_m, extent, start=(x, y))
-    return _walk("custom", points, ground, speed_mps, extra_time_s=STARTING_AND_STOPPING_S)
+    return _walk("custom", points, ground, speed_mps, time_beside_s=STARTING_AND_STOPPING_S)

@@ -62,7 +62,8 @@ class Scenario:
         start_pose: x (m), y (m), yaw (rad).
         terrain: the ground for a seed.
         profile: plan arc length and height (m) of the corners of the ground along the path, undulation left out.
-        nominal_time_s: surface length over speed.
+        nominal_time_s: surface length over speed, and the time beside.
+        time_beside_s: of it, for what takes as long at every speed: starting, stopping, turning.
         stand_s: how long to stand before sitting down, where there is no path.
         push: the push, if any.
         velocity: forward, lateral (m/s) and yaw rate (rad/s) that the operator asks for, until the robot is where the
@@ -79,6 +80,7 @@ class Scenario:
     terrain: Callable[[int], HeightField]
     profile: Points
     nominal_time_s: float
+    time_beside_s: float = 0.0
     stand_s: float = 0.0
     push: Push | None = None
     velocity: tuple[float, float, float] | None = None
@@ -104,5 +106,5 @@ class Scenario:
             raise ValueError(f"{self.name}: speed = {speed_mps} m/s must be positive and finite")
         if not self.waypoints:
             raise ValueError(f"{self.name}: has no path, so no speed can be set")
-        time = self.nominal_time_s * self.speed_mps / speed_mps
-        return dataclasses.replace(self, speed_mps=speed_mps, nominal_time_s=time)
+        travelling_s = (self.nominal_time_s - self.time_beside_s) * self.speed_mps / speed_mps
+        return dataclasses.replace(self, speed_mps=speed_mps, nominal_time_s=travelling_s + self.time_beside_s)

@@ -44,7 +44,7 @@ def _drive(
     closed: bool = False,
     ground: Ground | None = None,
     speed_mps: float = SPEED_MPS,
-    extra_time_s: float = STARTING_AND_STOPPING_S,
+    start_and_stop_s: float = STARTING_AND_STOPPING_S,
 ) -> Scenario:
     """A path to be followed, from a start at its beginning or aside of it, to the left, parallel to it.
 
@@ -53,6 +53,7 @@ def _drive(
     path = SectionedPath(waypoints, closed)
     yaw = path.sections[0].heading(0.0)
     (x, y), extent = waypoints[0].tolist(), terrain.extent_of(waypoints, MARGIN_M)
+    time_beside_s = len(path.sections) * start_and_stop_s
     return Scenario(
         name=name,
         waypoints=tuple((x, y) for x, y in waypoints.tolist()),
@@ -61,7 +62,8 @@ def _drive(
         start_pose=(x - aside_m * math.sin(yaw), y + aside_m * math.cos(yaw), yaw),
         terrain=ground or (lambda seed: terrain.flat(extent)),
         profile=((0.0, 0.0), (path.length, 0.0)),
-        nominal_time_s=path.length / speed_mps + len(path.sections) * extra_time_s,
+        nominal_time_s=path.length / speed_mps + time_beside_s,
+        time_beside_s=time_beside_s,
     )
 
 
@@ -135,7 +137,7 @@ def _asked(name: str, velocity: tuple[float, float, float], length_m: float) -> 
     speed = math.hypot(forward, lateral)
     goal = length_m * np.array([forward, lateral]) / speed
     path = np.array([(0.0, 0.0), goal])
-    made = _drive(name, path, speed_mps=speed, extra_time_s=STARTING_AND_STOPPING_S + STEERING_S)
+    made = _drive(name, path, speed_mps=speed, start_and_stop_s=STARTING_AND_STOPPING_S + STEERING_S)
     return replace(made, start_pose=(0.0, 0.0, 0.0), velocity=velocity)
 
 

@@ -251,7 +251,8 @@ def vehicle_claims(full: bool) -> list[Claim]:
 
     every = tuple(job for scenario in DRIVES for job in jobs(scenario))
     late = jobs("figure-eight", overrides={SPEED_KEY: "1.5", **LATE})
-    fast, patch = (jobs(scenario, overrides={SPEED_KEY: "3"}) for scenario in ("figure-eight", "slippery-bend"))
+    fast = tuple(job for scenario in ("figure-eight", "slalom") for job in jobs(scenario, overrides={SPEED_KEY: "3"}))
+    patch = jobs("slippery-bend", overrides={SPEED_KEY: "3"})
     bold, sliding = (jobs(scenario, overrides=BOLD) for scenario in ("figure-eight", "slippery-bend"))
     rms, furthest = worst("lateral_error_m", "rms"), worst("lateral_error_m", "max")
     return [

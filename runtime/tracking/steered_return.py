@@ -51,7 +51,7 @@ class SteeredReturn(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag
     """
 
     answer: VehicleAnswer = VehicleAnswer()
-    length_margin: Positive = 1.1
+    length_margin: Positive = 1.05
     steering_share: Positive = 1.2
     linear_offset_m: Positive = 0.16
     linear_heading_rad: Positive = 0.14

@@ -128,7 +128,7 @@ class VehicleTracker:
         policy: which arc to drive.
         config: everything else.
         memory: all that is remembered from step to step, `VehicleTracker.SIZE` numbers; `forget` before the first.
-        speed: how fast to drive it; by default as fast as bends and the goal allow.
+        speed: how fast to drive it; by default as fast as bends, the steering and the goal allow.
 
     Attributes:
         memory: as above.
@@ -144,7 +144,7 @@ class VehicleTracker:
         speed: SpeedPolicy | None = None,
     ) -> None:
         self._policy, self._config = policy, config or VehicleTrackerConfig()
-        self._speed = speed or PathSpeed(self._config.speed)
+        self._speed = speed or PathSpeed(self._config.speed, self._config.answer)
         self.memory = np.zeros(self.SIZE) if memory is None else memory
         count = len(TrackState._fields)
         self._scalars = self.memory[:count]

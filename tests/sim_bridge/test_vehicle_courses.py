@@ -46,6 +46,7 @@ def test_the_three_point_turn_has_two_cusps_and_ends_the_other_way_round():
     assert abs(math.remainder(path.sections[-1].heading(path.sections[-1].length) - math.pi, math.tau)) < 1e-6
     assert path.goal == pytest.approx((2.0 - 3.0, 0.0))  # the chords of the arcs make up a triangle
     assert course.nominal_time_s == pytest.approx(path.length / 0.6 + 3 * 4.0)
+    assert course.with_speed(1.2).nominal_time_s == pytest.approx(path.length / 1.2 + 3 * 4.0)
 
 
 def test_a_path_of_ones_own_may_turn_back():

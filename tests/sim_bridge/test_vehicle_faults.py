@@ -22,6 +22,8 @@ NOTICED_S = 0.3
 FRONT_LEFT, FRONT_RIGHT, REAR_LEFT, REAR_RIGHT = range(4)
 ANSWERS_S = 0.1
 """From a command to what wheels do: frames both ways, the lag of the steering and of the speed control."""
+NOISE_RAD = 0.005
+"""Of the angle by which a wheel is late, which passes its bound slowly on gentle bends."""
 LATER_NS = 250_000_000
 """In which a second wheel of an axle comes to another angle than the first, where the path bends the other way."""
 
@@ -162,24 +164,25 @@ def test_one_that_cannot_steer_an_axle_stops_within_its_braking_distance_as_stra
 ):
     """Both wheels get stuck, one after the other.
 
-    They are noticed a while after they do not turn with the others; the vehicle then stops within v^2 / (2 a) besides
-    what it goes before its wheels answer. Meanwhile the other axle turns parallel, from an angle D to the stuck one, so
-    that the vehicle turns at v D / L at first and not at all in the end; but where stuck wheels point apart by A, and
-    only one of them has been noticed so far, at worst the other leads.
+    They are noticed a while after they do not turn with the others; the vehicle then stops within v^2 / (2 a), with v
+    the fastest that it went meanwhile, besides what it goes before its wheels answer. Meanwhile the other axle turns
+    parallel, from an angle D to the stuck one, so that the vehicle turns at v D / L at first and not at all in the end;
+    but where stuck wheels point apart by A, and only one of them has been noticed so far, at worst the other leads.
     """
     first, second = axle
     seen = drive(jam(first), "slalom", 7_500_000_000, speed_mps, strikes_ns, jam(second))
     assert seen.status.mode == Mode.DAMPED
     assert seen.status.fault & Fault.JOINT_POSITION
     simulation, noticed = CONFIG.simulation, seen.from_here
-    late = np.array(seen.lags)[:noticed, axle].max(axis=1) > simulation.stuck_error_rad
-    since = noticed - np.argmin(late[::-1])
+    late = np.array(seen.lags)[:noticed, axle] > simulation.stuck_error_rad + NOISE_RAD
+    late_ticks = np.argmin(late[::-1], axis=0)
     tick_s = CONFIG.loops.drive_period_ns * 1e-9
-    assert late[-1]
-    assert (noticed - since) * tick_s <= simulation.stuck_ns * 1e-9 + ANSWERS_S
+    assert late[-1].any()
+    assert late_ticks.max() * tick_s <= simulation.stuck_ns * 1e-9 + ANSWERS_S
 
     stop, angles = np.array(seen.track[noticed:]), np.array(seen.angles[noticed])
-    speed = travelled(seen.track[noticed - 10 : noticed + 1]) / (10 * tick_s)
+    steps = np.diff(np.array(seen.track[noticed - late_ticks.max() : noticed + 1])[:, :2], axis=0)
+    speed = np.hypot(*steps.T).max() / tick_s
     assert travelled(stop) < braking_distance(speed) + ANSWERS_S * speed
     apart, free = abs(angles[first] - angles[second]), np.delete(angles, axle).mean()
     turn = np.abs(angles[list(axle)] - free).max()

@@ -47,8 +47,8 @@ REFUSED = {
         ("controllers.mpc.lag_s = 0.1", "tracker.following.answer.lag_s = 0.05"),
     ),
     "a faster return than the steering": (
-        {"controllers.steered_return.answer.rate_radps": "0.9"},
-        ("controllers.steered_return.answer.rate_radps = 0.9", "tracker.following.answer.rate_radps = 0.8"),
+        {"controllers.steered_return.answer.rate_radps": "1.1"},
+        ("controllers.steered_return.answer.rate_radps = 1.1", "tracker.following.answer.rate_radps = 1"),
     ),
     "a walker's key": (
         {"tracker.following.speed.lead_mps": "0.4"},

@@ -12,6 +12,7 @@ from runtime.tracking.path_speed import PathSpeed
 from runtime.tracking.paths import Polyline
 from runtime.tracking.speed import SpeedLimits
 from runtime.tracking.traction import TractionConfig, next_lost, slides
+from runtime.tracking.vehicle_answer import VehicleAnswer
 
 CONFIG = TractionConfig()
 ROLLING = (0.0, 0.0, 0.0, 0.0)
@@ -66,8 +67,8 @@ def test_grip_that_comes_back_faster_than_it_goes_is_refused():
 def test_a_bend_is_driven_at_the_share_of_the_lateral_acceleration(grip):
     """At the root of the share, far from the goal: v^2 k is the share of the limit."""
     limits, path = SpeedLimits(maximum_mps=5.0, maximum_yaw_rate_radps=5.0), Polyline(figure_eight(), closed=True)
-    policy, whole = PathSpeed(limits), PathSpeed(limits)
+    policy = PathSpeed(limits, VehicleAnswer(rate_radps=20.0))
     for progress in (5.0, 10.0, 25.0):
         reduced = policy(path, 0.4, progress, 30.0, 5.0, grip)
         assert reduced == pytest.approx(math.sqrt(grip * limits.lateral_acceleration_mps2 / 0.4), rel=1e-9)
-        assert reduced <= whole(path, 0.4, progress, 30.0, 5.0)
+        assert reduced <= policy(path, 0.4, progress, 30.0, 5.0)
