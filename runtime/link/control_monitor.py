@@ -27,6 +27,7 @@ class ControlMonitor:
     Attributes:
         loops: statistics by loop.
         imu_age_ns: ages at which the last samples were used.
+        imu_passed_over: samples that no tick used, since a newer one was there, or whose tick was not seen here.
         last_ns: when the last tick came, monotonic; None before the first.
         malformed: datagrams that are not of these loops, since start.
     """
@@ -41,6 +42,7 @@ class ControlMonitor:
         self._records: Mapping[str, Record] = {c.record.topic: c.record.like() for c in manifest.channels}
         self.loops = {name: LoopStatistics() for name in self._names.values()}
         self.imu_age_ns: deque[int] = deque(maxlen=_KEPT)
+        self.imu_passed_over = self._imu_sequence = 0
         self.last_ns: int | None = None
         self.malformed = 0
 
@@ -61,10 +63,16 @@ class ControlMonitor:
         for number, body in found.items():
             self._bodies[self._channels[number].record.topic] = body
             if self._channels[number].record.topic == topics.IMU:
-                imu = self._records[topics.IMU]
-                imu.load(body)
-                assert isinstance(imu, Imu)
-                self.imu_age_ns.append(tick.now_ns - imu.stamp_ns)
+                self._take_imu(body, tick.now_ns)
+
+    def _take_imu(self, body: bytes, used_ns: int) -> None:
+        imu = self._records[topics.IMU]
+        imu.load(body)
+        assert isinstance(imu, Imu)
+        self.imu_age_ns.append(used_ns - imu.stamp_ns)
+        before, self._imu_sequence = self._imu_sequence, imu.sequence
+        if before:
+            self.imu_passed_over += max(imu.sequence - before - 1, 0)
 
     def _check(self, found: Mapping[int, bytes]) -> None:
         """See that a tick comes first, and that all lengths are right."""

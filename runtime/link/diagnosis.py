@@ -153,7 +153,8 @@ class Diagnosis:
             yield self._counted(f"loop {name}", counts | {"recorder_drops": loop.dropped}, figures)
 
     def _imu(self) -> Status:
-        return Status("imu", Level.OK, "age at use", spread("age_us", list(self.monitor.imu_age_ns)))
+        values: dict[str, Any] = {"passed_over": self.monitor.imu_passed_over}
+        return Status("imu", Level.OK, "age at use", values | spread("age_us", list(self.monitor.imu_age_ns)))
 
     def _inputs(self, now_ns: int) -> Iterator[Status]:
         accepted, rejected, lost = self.tally.snapshot()

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from runtime.link.checks import check_finite, check_frame
 from runtime.link.clocks import Instant, StampWindow
@@ -12,6 +12,7 @@ from runtime.messages.errors import MessageError
 from runtime.messages.path import Waypoints
 from runtime.robots.link_config import LinkConfig
 from runtime.signals import Path
+from runtime.tracking.sections import split_at_cusps
 
 _CLOSED_WITHIN_M = 1e-3
 _FEWEST = 2
@@ -20,8 +21,8 @@ _FEWEST = 2
 class PathUse:
     """Fills and hands on `Path` records.
 
-    A path whose last point is its first is closed, and the last point is dropped. A speed holds for the paths that come
-    after it.
+    A path whose last point is its first, and that turns back nowhere, there neither, is closed, and the last point is
+    dropped. A speed holds for the paths that come after it.
 
     Args:
         config: frames, age and speeds.
@@ -50,7 +51,7 @@ class PathUse:
         if not points:
             self._withdraw(path, now)
             return
-        closed = len(points) > _FEWEST and math.dist(points[0], points[-1]) < _CLOSED_WITHIN_M
+        closed = _leads_back(points)
         if closed:
             points = points[:-1]
         if len(points) < _FEWEST:
@@ -69,3 +70,9 @@ class PathUse:
         self._record.clear()
         self._record.stamp_ns = self._window.monotonic_ns(path.stamp_ns, now)
         self._write(self._record)
+
+
+def _leads_back(points: Sequence[tuple[float, float]]) -> bool:
+    """Whether a path leads on from its last point, which is its first, to its second."""
+    meets = len(points) > _FEWEST and math.dist(points[0], points[-1]) < _CLOSED_WITHIN_M
+    return meets and len(split_at_cusps([*points, points[1]])) == 1

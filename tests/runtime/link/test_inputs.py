@@ -145,11 +145,27 @@ def test_paths(points, back):
         path = written.records[0]
         count = path.count
         assert 2 <= count <= CAPACITY or not points, "one without poses takes back the one before"
-        assert path.closed == (len(points) > 2 and math.dist(points[0], points[-1]) < 1e-3)
+        assert not path.closed or (len(points) > 2 and math.dist(points[0], points[-1]) < 1e-3)
         assert list(zip(path.x[:count], path.y[:count], strict=True)) == points[:count]
         assert count == len(points) - path.closed
         assert not path.x[count:].any()
         assert path.speed == (CONFIG.path_speed_mps if points else 0)
+
+
+@pytest.mark.parametrize(
+    ("points", "closed"),
+    [
+        ([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)], True),
+        ([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 2e-3)], False),
+        ([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (1.0, 0.1), (0.0, 0.0)], False),
+        ([(0.0, 0.0), (1.0, 0.1), (2.0, 0.0), (2.0, -0.5), (1.0, -0.1), (0.0, 0.0)], False),
+    ],
+    ids=["a square", "one whose ends do not meet", "there and back", "one that turns back where its ends meet"],
+)
+def test_a_path_is_closed_that_leads_on_from_where_its_ends_meet(written, points, closed):
+    path_use(written)(Waypoints(0, "odom", points), 1, NOW)
+    (path,) = written.records
+    assert (path.closed, path.count) == (closed, len(points) - closed)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])

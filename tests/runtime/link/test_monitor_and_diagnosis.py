@@ -71,6 +71,15 @@ def test_the_age_at_which_samples_are_used_is_kept(monitor):
     assert list(monitor.imu_age_ns) == [300_000], "a tick without a sample tells nothing of ages"
 
 
+def test_samples_that_no_tick_used_are_counted_and_a_link_that_begins_anew_passes_none_over(monitor, diagnosis):
+    imu = IMU.like()
+    for index, sequence in enumerate((5, 6, 9, 1, 2, 4)):
+        imu.sequence = sequence
+        monitor.take(datagram(index, imu), 0)
+    assert monitor.imu_passed_over == 2 + 1
+    assert part(diagnosis, "imu").values["passed_over"] == 3
+
+
 @settings(deadline=None)
 @given(st.binary(max_size=300))
 def test_any_datagram_is_taken_or_counted(data):
