@@ -8,6 +8,7 @@ import json
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -131,7 +132,8 @@ def load_run(run: Path) -> RunData:
     )
     _find_path(data)
     if data.path is not None and data.pose_topic is not None:
-        data.against_path = _against(data.path, data.signals[data.pose_topic])
+        laps_ns = _taken_up_again(data.signals[PATH])
+        data.against_path = _against(data.path, data.signals[data.pose_topic], laps_ns)
     return data
 
 
@@ -200,11 +202,20 @@ def _refused(paths: Signal, commands: Signal | None) -> npt.NDArray[np.bool_]:
     return np.diff(counted) > 0
 
 
-def _against(path: SectionedPath, pose: Signal) -> AgainstPath:
+def _taken_up_again(paths: Signal) -> npt.NDArray[np.int64]:
+    """When a path came after one was withdrawn: it is followed from its start then, lap after lap."""
+    given = paths.values["count"] > 0
+    return paths.log_ns[1:][given[1:] & ~given[:-1]]
+
+
+def _against(path: SectionedPath, pose: Signal, laps_ns: npt.NDArray[np.int64]) -> AgainstPath:
     chosen = every(pose.log_ns, _PROJECTION_STEP_NS)
-    t, rows = pose.log_ns[chosen] / 1e9, pose.values[chosen]
-    x, y = rows["position"][:, 0].copy(), rows["position"][:, 1].copy()
-    seen = project(x, y, yaw_of(rows["orientation"]), path)
+    log_ns, rows = pose.log_ns[chosen], pose.values[chosen]
+    t, x, y, yaw = log_ns / 1e9, *rows["position"][:, :2].T.copy(), yaw_of(rows["orientation"])
+    bounds = sorted({0, *np.searchsorted(log_ns, laps_ns).tolist(), len(t)})
+    laps = [project(x[begin:end], y[begin:end], yaw[begin:end], path) for begin, end in pairwise(bounds)]
+    columns = ((lap.progress, lap.distance, lap.lateral_error, lap.heading_error) for lap in laps)
+    seen = Projection(*map(np.concatenate, zip(*columns, strict=True)))
     nearest = np.array([path.point(s) for s in seen.progress.tolist()])
     return AgainstPath(t, seen, x - nearest[:, 0], y - nearest[:, 1])
 

@@ -68,6 +68,17 @@ class ThereAndBack(Walk):
             self.command.rejected_paths = 1
 
 
+class Laps(Walk):
+    """Walks a line, is given no path for a moment, and walks the line again from its start."""
+
+    def step(self, now_ns: int) -> None:
+        super().step(now_ns)
+        t = now_ns / 1e9
+        self.truth.position = (0.6 * (t % 1.0), 0.05, 0.3)
+        if 0.9 < t < 1.0:
+            self.path.count = 0
+
+
 class Nothing:
     """A world without content."""
 
@@ -155,6 +166,13 @@ def test_errors_are_those_of_the_true_pose(walked):
     np.testing.assert_allclose(seen.y_error, 0.05)
     np.testing.assert_allclose(seen.x_error, 0.0, atol=1e-12)
     np.testing.assert_allclose(seen.projection.progress, 0.6 * seen.t)
+
+
+def test_each_lap_is_judged_from_the_start_of_the_path(tmp_path):
+    record(tmp_path / "run", Laps())
+    seen = load_run(tmp_path / "run").against_path
+    np.testing.assert_allclose(seen.y_error, 0.05)
+    np.testing.assert_allclose(seen.projection.progress, 0.6 * (seen.t % 1.0), atol=1e-9)
 
 
 def test_a_path_that_turns_back_is_drawn_and_judged_and_one_that_was_refused_is_not(tmp_path):
