@@ -109,8 +109,8 @@ def _path_errors(data: RunData) -> ReportFigure | None:
         panel.set_ylabel(label)
     return ReportFigure(
         "Tracking errors",
-        "Robot against the nearest path point, whose arc length only grows until the path is taken up anew; yaw against "
-        "the path's heading there.",
+        "Robot against the nearest path point, whose arc length only grows until the path is taken up anew; yaw "
+        "against the path's heading there.",
         svg(figure),
     )
 

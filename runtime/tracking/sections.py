@@ -30,7 +30,7 @@ def split_at_cusps(points: npt.ArrayLike) -> list[Array]:
     if (np.hypot(steps[:, 0], steps[:, 1]) < MINIMUM_SPACING_M).any():
         return [array]
     headings = np.arctan2(steps[:, 1], steps[:, 0]).tolist()
-    turns = [abs(wrapped(after - before)) for before, after in pairwise(headings)]
+    turns = [abs(math.remainder(after - before, math.tau)) for before, after in pairwise(headings)]
     cusps = [index + 1 for index, turn in enumerate(turns) if turn > MAXIMUM_TURN_RAD]
     bounds = [0, *cusps, len(array) - 1]
     return [array[begin : end + 1] for begin, end in pairwise(bounds)]

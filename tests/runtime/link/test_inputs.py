@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 
 import pytest
 from hypothesis import given, settings
@@ -166,6 +168,25 @@ def test_a_path_is_closed_that_leads_on_from_where_its_ends_meet(written, points
     path_use(written)(Waypoints(0, "odom", points), 1, NOW)
     (path,) = written.records
     assert (path.closed, path.count) == (closed, len(points) - closed)
+
+
+def test_what_a_path_asks_for_loads_nothing():
+    """Translating code, or loading what does, would hold up the inertial samples for a third of a second."""
+    program = """
+import sys
+from runtime.link.path_input import PathUse
+from runtime.link.clocks import Instant
+from runtime.messages.path import Waypoints
+from runtime.robots.link_config import LinkConfig
+from runtime.signals import Path
+import runtime.link.process
+loaded, got = set(sys.modules), []
+use = PathUse(LinkConfig(), Path("/path", {"path": 8}), got.append)
+use(Waypoints(0, "odom", [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 0.0)]), 1, Instant(10**9, 10**18))
+assert got[0].closed
+assert not set(sys.modules) - loaded, set(sys.modules) - loaded
+"""
+    subprocess.run([sys.executable, "-c", program], check=True)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
