@@ -125,7 +125,7 @@ def test_a_flipped_bit_of_an_input_is_found_and_named(
 
 
 def test_a_scenario_that_fails_its_criteria_ends_with_one(ugv: Ugv, short_path: Path, tmp_path: Path) -> None:
-    done = ugv("sil", "uslgo1", short_path, "--set", "scenario.speed_mps=2.0", "--out", tmp_path / "late")
+    done = ugv("sil", "uslgo1", short_path, "--set", "tracker.speed.maximum_mps=0.05", "--out", tmp_path / "late")
     assert done.returncode == 1, done.stderr
     assert "NOT completed" in done.stdout
 
