@@ -111,7 +111,7 @@ def _note_chunk(found: Scan, body: slice) -> None:
 def _declare(found: Scan, opcode: int, body: memoryview) -> None:
     try:
         _take_up(found, opcode, body)
-    except (struct.error, UnicodeDecodeError, McapError):
+    except (struct.error, UnicodeDecodeError, OverflowError, McapError):
         _note(found, "a declaration at its beginning is not what the format asks for")
 
 
@@ -145,7 +145,7 @@ def content(found: Scan, place: ChunkPlace) -> memoryview:
             raw = lz4.frame.decompress(data)
         else:
             raw = data
-    except (zstandard.ZstdError, RuntimeError, MemoryError):
+    except (zstandard.ZstdError, RuntimeError, MemoryError, OverflowError):
         _note(found, f"{where} cannot be unpacked")
         return memoryview(b"")
     if place.crc and zlib.crc32(raw) != place.crc:
