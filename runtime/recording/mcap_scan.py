@@ -19,6 +19,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 _RECORD = struct.Struct("<BQ")
+_LATEST_NS = 2**63 - 1
 _CHUNK = struct.Struct("<QQQII")
 _MESSAGE = struct.Struct("<HIQQ")
 
@@ -105,7 +106,8 @@ def _note_chunk(found: Scan, body: slice) -> None:
     begin = body.start + _CHUNK.size
     compression = bytes(found.data[begin : begin + name_length]).decode(errors="replace")
     begin += name_length + 8
-    found.chunks.append(ChunkPlace(begin, body.stop, start_ns, end_ns, size, crc, compression))
+    times = _time(found, start_ns), _time(found, end_ns)
+    found.chunks.append(ChunkPlace(begin, body.stop, *times, size, crc, compression))
 
 
 def _declare(found: Scan, opcode: int, body: memoryview) -> None:
@@ -153,6 +155,14 @@ def content(found: Scan, place: ChunkPlace) -> memoryview:
     return memoryview(raw)
 
 
+def _time(found: Scan, time_ns: int) -> int:
+    """A time of a record; the latest that our clocks can show for one that is beyond."""
+    if time_ns > _LATEST_NS:
+        _note(found, "a time is beyond what 63 bits of nanoseconds hold")
+        return _LATEST_NS
+    return time_ns
+
+
 def _note(found: Scan, phrase: str) -> None:
     if phrase not in found.damage:
         found.damage.append(phrase)
@@ -169,7 +179,9 @@ def messages(found: Scan, chunk: memoryview) -> Iterator[RawMessage]:
             return
         if opcode == 5 and length >= _MESSAGE.size:
             channel, sequence, log_ns, _ = message(chunk, position)
-            yield RawMessage(channel, sequence, log_ns, chunk[position + _MESSAGE.size : position + length])
+            yield RawMessage(
+                channel, sequence, _time(found, log_ns), chunk[position + _MESSAGE.size : position + length]
+            )
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             _declare(found, opcode, chunk[position : position + length])
         position += length

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lengths in a damaged file that no memory has are damage, not an exception."""
+"""Lengths in a damaged file that no memory has, and times that no clock shows, are damage, not an exception."""
 
 import struct
 
@@ -10,7 +10,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment
 from mcap.writer import MCAP0_MAGIC
 
-from runtime.recording.mcap_scan import content, scan
+from runtime.recording.mcap_scan import content, messages, scan
 
 HUGE = (2**40, 2**63, 2**64 - 1)
 
@@ -39,3 +39,16 @@ def test_a_chunk_that_claims_too_much(size):
     (place,) = found.chunks
     assert bytes(content(found, place)) in (b"", b"abc")
     assert found.damage or bytes(content(found, place)) == b"abc"
+
+
+@pytest.mark.parametrize("time_ns", [2**63, 2**64 - 1])
+def test_times_beyond_any_clock(time_ns):
+    message = struct.pack("<HIQQ", 1, 7, time_ns, time_ns) + b"payload"
+    raw = struct.pack("<BQ", Opcode.MESSAGE, len(message)) + message
+    body = struct.pack("<QQQII", time_ns, time_ns, len(raw), 0, 0) + struct.pack("<Q", len(raw)) + raw
+    found = scan(file_of(Opcode.CHUNK, body))
+    (place,) = found.chunks
+    (seen,) = messages(found, content(found, place))
+    latest = 2**63 - 1
+    assert (place.start_ns, place.end_ns, seen.log_ns, seen.sequence) == (latest, latest, latest, 7)
+    assert found.damage == ["a time is beyond what 63 bits of nanoseconds hold"]
