@@ -120,7 +120,7 @@ class Polyline:
         start = min(max(start, 0.0), last)
         end = min(start + window, last)
         best_s, best_x, best_y = start, *self.point(start)
-        best = (x - best_x) ** 2 + (y - best_y) ** 2
+        best = _squared(x - best_x, y - best_y)
         i = self._segment(start)
         while i < len(self._heading) and self._s[i] <= end:
             x0, y0, s0 = self._x[i], self._y[i], self._s[i]
@@ -129,7 +129,7 @@ class Polyline:
             along = (x - x0) * ux + (y - y0) * uy
             along = min(max(along, start - s0, 0.0), span, end - s0)
             px, py = x0 + along * ux, y0 + along * uy
-            squared = (x - px) ** 2 + (y - py) ** 2
+            squared = _squared(x - px, y - py)
             if squared < best:
                 best, best_s, best_x, best_y = squared, s0 + along, px, py
             i += 1
@@ -165,11 +165,11 @@ class Polyline:
     def _leaving(self, x: float, y: float, progress: float, distance: float) -> tuple[int, float, float]:
         """The segment that leaves the circle and where on it to start, or -1 where none does."""
         px, py = self.point(progress)
-        if (px - x) ** 2 + (py - y) ** 2 >= distance * distance:
+        if _squared(px - x, py - y) >= distance * distance:
             return -1, px, py
         for i in range(self._segment(progress), len(self._heading)):
             ex, ey = self._x[i + 1], self._y[i + 1]
-            if (ex - x) ** 2 + (ey - y) ** 2 >= distance * distance:
+            if _squared(ex - x, ey - y) >= distance * distance:
                 return i, px, py
             px, py = ex, ey
         return -1, px, py
@@ -223,3 +223,8 @@ def _go_round(lap: list[tuple[float, float]], extension: float) -> list[tuple[fl
             if gone >= extension:
                 break
     return vertices
+
+
+def _squared(x: float, y: float) -> float:
+    """Squared length of a vector; infinite, and no exception as of a power, where it is beyond all numbers."""
+    return x * x + y * y

@@ -70,6 +70,14 @@ def test_look_ahead_point_lies_on_the_circle_and_on_the_path(s, offset, distance
     assert math.hypot(target[0], target[1] - 5.0) == pytest.approx(5.0, abs=1e-3)
 
 
+@given(st.floats(allow_nan=False, allow_infinity=False), st.floats(allow_nan=False, allow_infinity=False))
+def test_no_place_is_too_far_off(x, y):
+    """A damaged log may hold any number."""
+    path = Polyline(line())
+    assert 0.0 <= path.closest(x, y, 0.0, 5.0).progress <= path.length
+    assert math.isfinite(path.look_ahead_progress(x, y, 0.0, 1.0))
+
+
 def test_look_ahead_goes_on_straight_beyond_the_goal():
     path = Polyline([(0.0, 0.0), (1.0, 0.0), (1.0, 2.0)])
     assert path.look_ahead_point(1.0, 1.8, 2.8, 1.0) == pytest.approx((1.0, 2.8))
