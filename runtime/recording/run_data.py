@@ -130,10 +130,13 @@ def load_run(run: Path) -> RunData:
         joint_names=_joint_names(log),
         terrain=_terrain(log),
     )
-    _find_path(data)
-    if data.path is not None and data.pose_topic is not None:
-        laps_ns = _taken_up_again(data.signals[PATH])
-        data.against_path = _against(data.path, data.signals[data.pose_topic], laps_ns)
+    try:
+        _find_path(data)
+        if data.path is not None and data.pose_topic is not None:
+            laps_ns = _taken_up_again(data.signals[PATH])
+            data.against_path = _against(data.path, data.signals[data.pose_topic], laps_ns)
+    except (ValueError, IndexError, TypeError) as error:
+        raise LogError(f"{log.path}: path or pose are not laid out as this code knows them: {error}") from error
     return data
 
 
@@ -194,7 +197,7 @@ def _find_path(data: RunData) -> None:
 
 def _refused(paths: Signal, commands: Signal | None) -> npt.NDArray[np.bool_]:
     """Of each path, whether the robot's count of refused paths grew until the next one."""
-    if commands is None:
+    if commands is None or "rejected_paths" not in (commands.values.dtype.names or ()):
         return np.zeros(len(paths.log_ns), dtype=np.bool_)
     until = [*paths.log_ns.tolist(), commands.log_ns[-1] + 1]
     last = np.searchsorted(commands.log_ns, until, side="left") - 1

@@ -23,6 +23,7 @@ from runtime.recording.log import Log
 from runtime.recording.report import write_report
 from runtime.recording.run_data import load_run
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup
+from runtime.records import Record, float64
 from runtime.tasks import Loop, Scheduled, Task
 
 SIZES = {"joint": 3, "foot": 4, "foot_xyz": 12, "foot_pair": 16, "path": 8}
@@ -77,6 +78,26 @@ class Laps(Walk):
         self.truth.position = (0.6 * (t % 1.0), 0.05, 0.3)
         if 0.9 < t < 1.0:
             self.path.count = 0
+
+
+class EarlierCommand(Record):
+    """A command as a version wrote it that did not count refused paths."""
+
+    look_ahead, k_v = float64("m"), float64()
+
+
+class Place(Record):
+    """A truth that says where the robot is in another way."""
+
+    position = float64("m")
+
+
+class Walked(Walk):
+    """The same walk with one of its records laid out otherwise."""
+
+    def __init__(self, command: Record, truth: Record) -> None:
+        super().__init__()
+        self.writes = (truth, self.path, self.joints, command, self.safety, self.body)
 
 
 class Nothing:
@@ -183,6 +204,19 @@ def test_a_path_that_turns_back_is_drawn_and_judged_and_one_that_was_refused_is_
     np.testing.assert_allclose(seen.y_error, 0.05)
     np.testing.assert_allclose(seen.projection.progress, np.minimum(seen.t, 1.5), atol=1e-9)
     assert "<h2>Tracking errors</h2>" in write_report(tmp_path / "run").read_text()
+
+
+def test_a_log_of_an_earlier_version_is_judged_by_what_it_holds(tmp_path):
+    walk = Walked(EarlierCommand("/ugv/body_command"), signals.Truth("/ugv/truth", SIZES))
+    walk.truth = walk.writes[0]
+    record(tmp_path / "run", walk)
+    np.testing.assert_allclose(load_run(tmp_path / "run").against_path.y_error, 0.05)
+
+
+def test_a_pose_that_is_laid_out_otherwise_is_named(tmp_path):
+    record(tmp_path / "run", Walked(signals.BodyCommand("/ugv/body_command", SIZES), Place("/ugv/truth")))
+    with pytest.raises(LogError, match="path or pose are not laid out"):
+        load_run(tmp_path / "run")
 
 
 def test_a_log_without_the_usual_topics_still_gets_a_report(recorded, tmp_path):
