@@ -16,6 +16,8 @@ from runtime.records import CDR_LITTLE_ENDIAN
 _STAMP = struct.Struct("<iI")
 _COUNT = struct.Struct("<I")
 _NANOSECONDS = 1_000_000_000
+_EARLIEST_S, _LATEST_S = -(2**31), 2**31 - 1
+"""Of builtin_interfaces/Time."""
 
 
 class CdrTemplate:
@@ -79,8 +81,9 @@ class CdrTemplate:
         return np.ndarray((number,), "<f4", self._payload, slot)
 
     def set_stamp(self, slot: int, stamp_ns: int) -> None:
-        """Overwrite a stamp."""
-        _STAMP.pack_into(self._payload, slot, *divmod(stamp_ns, _NANOSECONDS))
+        """Overwrite a stamp; the nearest that a message can tell takes the place of one beyond."""
+        seconds, nanoseconds = divmod(stamp_ns, _NANOSECONDS)
+        _STAMP.pack_into(self._payload, slot, min(max(seconds, _EARLIEST_S), _LATEST_S), nanoseconds)
 
     def to_bytes(self) -> bytes:
         """The message: encapsulation header and body."""

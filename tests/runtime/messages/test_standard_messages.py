@@ -46,6 +46,15 @@ def read(payload: bytes, type_name: str):
     return message
 
 
+@pytest.mark.parametrize(
+    ("stamp_ns", "second"), [(2**63 - 1, 2**31 - 1), (2**31 * 10**9, 2**31 - 1), (-(2**63), -(2**31))]
+)
+def test_a_stamp_beyond_those_of_messages_is_the_nearest_of_them(stamp_ns, second):
+    imu = Imu("/imu")
+    imu.stamp_ns = stamp_ns
+    assert read(ImuMessage("imu_link").encode(imu), definitions.IMU).header.stamp.sec == second
+
+
 @settings(max_examples=50, deadline=None)
 @given(STAMPS, FRAMES, vectors(3), vectors(3))
 def test_imu(stamp_ns, frame, acceleration, rate):
