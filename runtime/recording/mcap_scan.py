@@ -19,9 +19,10 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 _RECORD = struct.Struct("<BQ")
-_LATEST_NS = 2**63 - 1
 _CHUNK = struct.Struct("<QQQII")
 _MESSAGE = struct.Struct("<HIQQ")
+_LATEST_NS = 2**63 - 1
+"""The file has 64 bits without a sign for a time, our clocks and arrays have one with a sign."""
 
 
 class RawMessage(NamedTuple):
