@@ -2,16 +2,16 @@
 """`ugv bench rt`: how late the loops wake, how long they take, and how often and why they overrun, on the wall clock.
 
 The real tasks are given the inputs of a recorded walk, MPC beside WBC, each a thread of the real-time executor.
-Between such slices come slices of the same loops without tasks, and of cyclictest where it is installed: all three see
-the same machine in the same minutes, and their ratios say what is ours. It is measured idle and, where stress-ng is
-installed, under its load.
+Between such slices come slices of the same loops without tasks, of those with tasks woken at their release and no
+earlier (as cyclictest is), and of cyclictest where it is installed: all see the same machine in the same minutes, and
+their ratios say what is ours. It is measured idle and, where stress-ng is installed, under its load.
 """
 
 from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +20,14 @@ import numpy.typing as npt
 
 from runtime.cli.overruns import Slice, causes, typical_busy_ns
 from runtime.cli.rt_slices import STANDING_UP_S, Walk, cyclictest, load
+from runtime.executors.realtime import WAKE_EARLY_US
 
 RATES_HZ = (500, 1000)
 SLICES, SLICE_S, LIVE_S = 12, 5.0, 20.0
 QUANTILES = (50.0, 99.0, 99.9)
 LEGEND = """\
 with tasks: the fast loop on a recorded walk, the slow one beside it; without tasks: the same loops, empty
+both are woken early and wait for their release awake; woken at release: with tasks, but no earlier, as cyclictest is
 ratio: p99 of waking to cyclictest's; busy: from waking to the end of a tick; dearest: the longest of the ticks' medians
 late wakes, interrupted: % of the periods that overran by them; own: overruns of ticks that take a period as a rule"""
 
@@ -41,16 +43,19 @@ def measure(slices: int = SLICES, seconds: float = SLICE_S) -> None:
         with recorded(SCENARIO, STANDING_UP_S + seconds + 0.5, {"loops.wbc_hz": str(rate_hz)}) as run_directory:
             walk = Walk(run_directory, seconds)
             for loaded in loads:
-                ours: list[Slice] = []
-                bare: list[Slice] = []
+                found: dict[str, list[Slice]] = {}
                 reference: list[list[float]] = []
                 with progress_bar(f"{rate_hz} Hz, {'loaded' if loaded else 'idle'}") as progress, load(loaded):
                     for number in range(slices):
-                        ours.append(walk.slice(bare=False))
-                        bare.append(walk.slice(bare=True))
+                        for name, bare, wake_early_us in (
+                            ("with tasks", False, WAKE_EARLY_US),
+                            ("without tasks", True, WAKE_EARLY_US),
+                            ("woken at release", False, 0),
+                        ):
+                            found.setdefault(name, []).append(walk.slice(bare, wake_early_us))
                         reference.append(cyclictest(walk.period_ns, seconds, 80, refusals.append))
                         progress(number + 1, slices)
-                _print(rate_hz, loaded, ours, bare, reference)
+                _print(rate_hz, loaded, found, reference)
     print(LEGEND)
     for refusal in dict.fromkeys(refusals):
         print(f"{refusal}; so {refusals.count(refusal)} slices have no reference")
@@ -90,19 +95,16 @@ def measure_live(seconds: float = LIVE_S) -> None:
 
 
 def _print(
-    rate_hz: int, loaded: bool, ours: Sequence[Slice], bare: Sequence[Slice], reference: Sequence[Sequence[float]]
+    rate_hz: int, loaded: bool, found: Mapping[str, Sequence[Slice]], reference: Sequence[Sequence[float]]
 ) -> None:
     from runtime.cli.console import print_table
 
     base = medians(reference)
-    rows = [
-        ("with tasks", *_row(ours, rate_hz, base)),
-        ("without tasks", *_row(bare, rate_hz, base)),
-    ]
+    rows = [(name, *_row(slices, rate_hz, base)) for name, slices in found.items()]
     if base is not None:
         rows.append(("cyclictest", *base, 1.0, *(None,) * 6))
     print_table(
-        f"{rate_hz} Hz, {'every processor loaded' if loaded else 'idle'}: medians over {len(ours)} slices, us",
+        f"{rate_hz} Hz, {'every processor loaded' if loaded else 'idle'}: medians over {len(reference)} slices, us",
         ("", "wake p50", "p99", "p99.9", "ratio", "busy p50", "p99", "dearest", "late wakes", "interrupted", "own"),
         rows,
     )

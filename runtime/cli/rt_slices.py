@@ -77,8 +77,13 @@ class Walk:
             for record in loop.port_inputs
         }
 
-    def slice(self, bare: bool) -> Slice:
-        """Run the loops in real time and say how the fast one went; `bare` leaves out every task."""
+    def slice(self, bare: bool, wake_early_us: int) -> Slice:
+        """Run the loops in real time and say how the fast one went.
+
+        Args:
+            bare: leaves out every task.
+            wake_early_us: how long before its release the fast loop is woken.
+        """
         from runtime.executors.realtime import RealTime
         from runtime.executors.recorded_ports import RecordedPort, moved_in_time
         from runtime.robots import assemble
@@ -92,7 +97,7 @@ class Walk:
             periods = int(self._seconds * 1e9) // period_ns
             ports[topic] = RecordedPort(numbered, periods, start_ns, period_ns, lambda: executor.stop())
         outputs = {record.topic: Nowhere() for loop in loops for record in loop.port_outputs}
-        executor = RealTime(loops, ports, outputs, sink)
+        executor = RealTime(loops, ports, outputs, sink, wake_early_us=wake_early_us)
         executor.run(start_ns)
         return slice_of(executor, sink, loops[0])
 

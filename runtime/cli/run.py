@@ -91,6 +91,7 @@ def _control(options: argparse.Namespace) -> int:
         config.realtime.control_processors,
         config.realtime.control_switch_interval_us,
         config.realtime.exit_latency_max_us,
+        config.realtime.control_wake_early_us,
         lambda sentence: print(f"ugv control: {sentence}", file=sys.stderr, flush=True),
     )
     return 0

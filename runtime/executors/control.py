@@ -16,7 +16,7 @@ from drivers.socket_ports import SocketReader, SocketWriter
 from runtime.executors.liveness import Liveness
 from runtime.executors.loop_run import InputPort
 from runtime.executors.notify import Notifier
-from runtime.executors.realtime import EXIT_LATENCY_US, SWITCH_INTERVAL_US, RealTime
+from runtime.executors.realtime import EXIT_LATENCY_US, SWITCH_INTERVAL_US, WAKE_EARLY_US, RealTime
 from runtime.executors.shared_ports import EventPort, LatestPort
 from runtime.executors.tick_stream import LINK_SOCKET, OBSERVER_SOCKET, RECORDER_SOCKET, TickStream, TickStreams
 from runtime.robots import topics
@@ -38,6 +38,7 @@ def control(
     processors: Collection[int] = (),
     switch_interval_us: int = SWITCH_INTERVAL_US,
     exit_latency_us: int = EXIT_LATENCY_US,
+    wake_early_us: int = WAKE_EARLY_US,
     say: Callable[[str], None] = lambda sentence: None,
 ) -> None:
     """Run a robot until SIGTERM or SIGINT.
@@ -51,6 +52,7 @@ def control(
         processors: that the loops may run on; none for all.
         switch_interval_us: see `RealTime`.
         exit_latency_us: likewise.
+        wake_early_us: likewise.
         say: likewise.
 
     Raises:
@@ -75,6 +77,7 @@ def control(
             switch_interval_us=switch_interval_us,
             liveness=Liveness(Notifier()),
             exit_latency_us=exit_latency_us,
+            wake_early_us=wake_early_us,
             say=say,
         )
         for number in (signal.SIGTERM, signal.SIGINT):

@@ -2,11 +2,12 @@
 """The real-time executor: each loop a thread under SCHED_FIFO, woken at absolute times.
 
 It runs the tasks that lockstep runs, untouched. The first loop is the fast one, and cannot afford to contend for the
-interpreter. So the others are released half a period of it later; when it is woken it waits for the interpreter only
-shortly, and while it computes the others wait long. What one loop gives another becomes visible at release + budget, or
-when it is ready if that is later; frames leave at once. A loop that is not done when its next release comes skips whole
-periods, so that it never runs after a backlog, and counts them. A loop that ends, be it by an exception in any of them,
-leaves its last outputs to its ports: what a drive hears last is not the command of a moment long past.
+interpreter. So the others are released half a period of it later; it is woken a little early, waits for the interpreter
+only shortly and for its release awake, and while it computes the others wait long. What one loop gives another becomes
+visible at release + budget, or when it is ready if that is later; frames leave at once. A loop that is not done when
+its next release comes skips whole periods, so that it never runs after a backlog, and counts them. A loop that ends, be
+it by an exception in any of them, leaves its last outputs to its ports: what a drive hears last is not the command of a
+moment long past.
 """
 
 from __future__ import annotations
@@ -33,6 +34,9 @@ KEPT_US = 5000
 """How long the others wait while it computes: a tick is not interrupted for them, but a hung one is."""
 EXIT_LATENCY_US = 0
 """How long a processor may take to leave its idle state: that is added to the wake latency of a loop."""
+WAKE_EARLY_US = 60
+"""How long before its release the fast loop is woken: what waking, caches gone cold and the interpreter take is mostly
+over when the release comes. What then is left of it the loop waits awake."""
 START_AFTER_NS = 50_000_000
 """From the start to the first release, so that every thread is waiting by then."""
 
@@ -49,6 +53,7 @@ class RealTime:
         switch_interval_us: how long the first loop, once woken, waits for the interpreter if another loop has it.
         liveness: told of each tick of the first loop.
         exit_latency_us: how long a processor may take to leave its idle state.
+        wake_early_us: how long before its release the first loop is woken, to wait for it awake.
         say: told, in a sentence each, what the system did not grant, as soon as that is known.
 
     Attributes:
@@ -66,6 +71,7 @@ class RealTime:
         switch_interval_us: int = SWITCH_INTERVAL_US,
         liveness: Liveness | None = None,
         exit_latency_us: int = EXIT_LATENCY_US,
+        wake_early_us: int = WAKE_EARLY_US,
         say: Callable[[str], None] = lambda sentence: None,
     ) -> None:
         self.manifest = manifest_of(tuple(loops))
@@ -73,7 +79,7 @@ class RealTime:
         self._fast = self._runs[0]
         self._output_ports, self._processors = output_ports, frozenset(processors)
         self._switch_interval_us, self._liveness = switch_interval_us, liveness
-        self._exit_latency_us, self._say = exit_latency_us, say
+        self._exit_latency_us, self._wake_early_ns, self._say = exit_latency_us, 1000 * wake_early_us, say
         self._stop = threading.Event()
         self._failures: list[BaseException] = []
         self._refused: set[str] = set()
@@ -164,10 +170,12 @@ class RealTime:
             run.index, tick.skipped = next_tick(run.index, start_ns, loop.period_ns, time.monotonic_ns())
 
     def _sleep(self, run: LoopRun, alarm: Alarm) -> None:
-        """Wait for the release of a tick; the fast loop then gets the interpreter soon, and keeps it."""
+        """Wait for the release of a tick; the fast loop gets the interpreter soon, before it, and keeps it."""
         if run is not self._fast:
             alarm.sleep_until(run.tick.release_ns)
             return
         set_switch_interval(self._switch_interval_us)
-        alarm.sleep_until(run.tick.release_ns)
+        alarm.sleep_until(run.tick.release_ns - self._wake_early_ns)
         set_switch_interval(KEPT_US)
+        while time.monotonic_ns() < run.tick.release_ns:
+            pass

@@ -34,6 +34,7 @@ class RealtimeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         control_switch_interval_us: how long the fast loop, once woken, waits for the interpreter if another has it.
         link_switch_interval_us: the same for the link, whose threads are many and not all its own.
         exit_latency_max_us: how long a processor may take to leave its idle state, while control runs.
+        control_wake_early_us: how long before its release the fast loop is woken, to wait for it awake.
     """
 
     control_processors: tuple[Annotated[int, msgspec.Meta(ge=0, le=1023)], ...] = ()
@@ -43,6 +44,7 @@ class RealtimeConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     control_switch_interval_us: Annotated[int, msgspec.Meta(ge=50, le=5000)] = 50
     link_switch_interval_us: Annotated[int, msgspec.Meta(ge=50, le=5000)] = 100
     exit_latency_max_us: Annotated[int, msgspec.Meta(ge=0, le=100_000)] = 0
+    control_wake_early_us: Annotated[int, msgspec.Meta(ge=0, le=500)] = 60
 
 
 class BusConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

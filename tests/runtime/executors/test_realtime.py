@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.executors import realtime
-from runtime.executors.realtime import KEPT_US, SWITCH_INTERVAL_US, RealTime
+from runtime.executors.realtime import KEPT_US, SWITCH_INTERVAL_US, WAKE_EARLY_US, RealTime
 from runtime.executors.tick import Tick, entries
 from runtime.executors.timing import next_tick
 from runtime.records import Record, int64
@@ -120,6 +120,21 @@ def test_a_value_is_seen_from_release_plus_budget_on_and_never_before():
             assert releases[sequence] + 1 * MS <= tick.now_ns
     positions = {tick.index + 1: position for position, tick in enumerate(fast, start=1)}
     assert [value for _, value in b.seen] == [positions.get(sequence, 0) for sequence in consumed]
+
+
+def test_the_fast_loop_is_woken_early_and_waits_for_its_release_awake(monkeypatch):
+    woken = {"fast": [], "slow": []}
+
+    class Alarm(realtime.Alarm):
+        def sleep_until(self, wake_ns):
+            woken[threading.current_thread().name].append(wake_ns)
+            super().sleep_until(wake_ns)
+
+    monkeypatch.setattr(realtime, "Alarm", Alarm)
+    _, _, _, fast, slow = run()
+    assert woken["fast"][: len(fast)] == [tick.release_ns - 1000 * WAKE_EARLY_US for tick in fast]
+    assert woken["slow"][: len(slow)] == [tick.release_ns for tick in slow]
+    assert all(tick.now_ns >= tick.release_ns for tick in fast)
 
 
 def test_the_fast_loop_waits_shortly_for_the_interpreter_and_keeps_it_while_it_computes(monkeypatch):
