@@ -30,7 +30,8 @@ class ProcessError(UgvError):
     exit_code = 1
 
 
-def _die_with_parent() -> None:
+def end_with_parent() -> None:
+    """Have the system end the calling process when the thread that started it ends, however that comes."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
@@ -54,7 +55,7 @@ class Processes:
             stdout=pipe,
             env={**os.environ, "NOTIFY_SOCKET": address},
             start_new_session=True,
-            preexec_fn=_die_with_parent,
+            preexec_fn=end_with_parent,
         )
         self._running[name] = process
         return process
