@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from runtime.executors.resources import FILES_HELD
+
 LONG_S = 600.0
 """From this duration on it is judged what processes hold; in shorter runs they still warm up."""
 MEMORY_GROWTH_MAX = 0.02
@@ -34,7 +36,7 @@ def _kept(process: str, early: Mapping[str, int] | None, late: Mapping[str, int]
     if early is None or late is None:
         yield f"{process} was not there all the time"
         return
-    for key, what in (("open_files", "open files"), ("mapped_files", "mapped files")):
+    for key, what in FILES_HELD.items():
         if late[key] > early[key]:
             yield f"{process} holds {late[key]} {what}, {early[key]} before"
     growth = late["resident_bytes"] / early["resident_bytes"] - 1.0

@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from runtime.cli.console import print_table
+from runtime.executors.resources import FILES_HELD
 
 _CENTIMETRES, _DEGREES = 100.0, 180.0 / math.pi
 _MEGABYTE = 1e6
-_KEPT = {"open_files": "open files", "mapped_files": "mapped files"}
 LOOPS = {"wbc": "WBC tick", "mpc": "MPC step", "drive": "drive tick"}
 
 
@@ -91,7 +91,7 @@ def _loss(fault: Mapping[str, Any]) -> str:
 def _held(early: Mapping[str, int], late: Mapping[str, int]) -> str:
     memory = (held["resident_bytes"] / _MEGABYTE for held in (early, late))
     words = ["{:.1f} then {:.1f} MB".format(*memory)]
-    words += [f"{early[key]} then {late[key]} {what}" for key, what in _KEPT.items()]
+    words += [f"{early[key]} then {late[key]} {what}" for key, what in FILES_HELD.items()]
     return ", ".join(words)
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 _PAGE = os.sysconf("SC_PAGE_SIZE")
+FILES_HELD = {"open_files": "open files", "mapped_files": "mapped files"}
+"""Of `Resources`, what a process that keeps none has no more of later, and how it is called."""
 
 
 class Resources(NamedTuple):
