@@ -28,6 +28,8 @@ SWITCH_INTERVAL_US = 100
 LONGEST_LAG_NS = 5_000_000
 """A world that is later than this stands still for the rest: a slow computer must not leave it behind for good, nor its
 samples be too old when they are taken."""
+CPU_NS = 0
+"""Not measured, so that a long step of the world counts as a stall, which it is to the robot."""
 
 
 class Outlet(Protocol):
@@ -89,7 +91,7 @@ class LiveWorld:
                 done_ns = time.monotonic_ns()
                 latency_ns, longest_ns = max(latency_ns, began_ns - due_ns), max(longest_ns, done_ns - began_ns)
                 if done_ns >= ticks.release_ns:
-                    ticks.log(latency_ns, longest_ns, done_ns)
+                    ticks.log(latency_ns, longest_ns, CPU_NS, done_ns)
                     latency_ns = longest_ns = 0
         return now_ns
 

@@ -38,10 +38,11 @@ def measure(slices: int = SLICES, seconds: float = SLICE_S) -> None:
     from runtime.cli.console import progress_bar
 
     refusals: list[str] = []
+    withheld: list[str] = []
     loads = [False, True] if shutil.which("stress-ng") else [False]
     for rate_hz in RATES_HZ:
         with recorded(SCENARIO, STANDING_UP_S + seconds + 0.5, {"loops.wbc_hz": str(rate_hz)}) as run_directory:
-            walk = Walk(run_directory, seconds)
+            walk = Walk(run_directory, seconds, withheld.append)
             for loaded in loads:
                 found: dict[str, list[Slice]] = {}
                 reference: list[list[float]] = []
@@ -57,6 +58,8 @@ def measure(slices: int = SLICES, seconds: float = SLICE_S) -> None:
                         progress(number + 1, slices)
                 _print(rate_hz, loaded, found, reference)
     print(LEGEND)
+    for refusal in dict.fromkeys(withheld):
+        print(f"the loops had {refusal}")
     for refusal in dict.fromkeys(refusals):
         print(f"{refusal}; so {refusals.count(refusal)} slices have no reference")
     for tool in ("cyclictest", "stress-ng"):

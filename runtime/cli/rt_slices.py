@@ -56,18 +56,19 @@ class Walk:
     Args:
         run_directory: of the log.
         seconds: to give at most, after standing up.
+        say: told what the system did not grant the loops.
 
     Attributes:
         period_ns: of the fast loop.
     """
 
-    def __init__(self, run_directory: Path, seconds: float) -> None:
+    def __init__(self, run_directory: Path, seconds: float, say: Callable[[str], None]) -> None:
         from runtime.recording.log import Log
         from runtime.robots import assemble
 
         log = Log(run_directory)
         self._robot, self._config = log.robot, log.config
-        self._seconds = STANDING_UP_S + seconds
+        self._seconds, self._say = STANDING_UP_S + seconds, say
         loops = assemble(log.robot, log.config)
         self.period_ns = loops[0].period_ns
         self._bare = tuple(dataclasses.replace(loop, schedule=(), port_outputs=(), last_outputs=()) for loop in loops)
@@ -97,7 +98,7 @@ class Walk:
             periods = int(self._seconds * 1e9) // period_ns
             ports[topic] = RecordedPort(numbered, periods, start_ns, period_ns, lambda: executor.stop())
         outputs = {record.topic: Nowhere() for loop in loops for record in loop.port_outputs}
-        executor = RealTime(loops, ports, outputs, sink, wake_early_us=wake_early_us)
+        executor = RealTime(loops, ports, outputs, sink, wake_early_us=wake_early_us, say=self._say)
         executor.run(start_ns)
         return slice_of(executor, sink, loops[0])
 

@@ -59,12 +59,14 @@ class Diagnosis:
         tally: of received messages.
         silent_ns: without a tick for so long, control is called silent.
         recorder: gives what the recorder says of itself, None if it has never said anything.
+        battery_age_max_ns: with an older word of the battery it is called silent.
     """
 
     monitor: ControlMonitor
     tally: Tally
     silent_ns: int
     recorder: Callable[[], RecorderStatus | None]
+    battery_age_max_ns: int
 
     def __post_init__(self) -> None:
         self._before: dict[str, float] = {}
@@ -86,7 +88,7 @@ class Diagnosis:
             link: figures of the link itself.
         """
         found = [self._control(now_ns), *self._signals(), *self._loops(), self._imu(), *self._inputs(now_ns)]
-        found.append(self._recorder(now_ns))
+        found += [self._battery(now_ns), self._recorder(now_ns)]
         return [*found, self._counted("link", {"malformed_ticks": self.monitor.malformed}, link)]
 
     def _control(self, now_ns: int) -> Status:
@@ -134,10 +136,6 @@ class Diagnosis:
         event = newest(topics.OPERATOR_EVENT, OperatorEvent)
         if event is not None:
             yield self._counted("operator", {"lost_events": int(event.lost)}, {})
-        battery = newest(topics.BATTERY, Battery)
-        if battery is not None:
-            figures = {"voltage_v": battery.voltage, "current_a": battery.current, "charge": battery.charge}
-            yield Status("battery", Level.OK, "", figures)
 
     def _buses(self, buses: BusStatus) -> Iterator[Status]:
         counters = ("refused", "failed", "malformed", "errors", "overflow", "purged", "withheld")
@@ -164,6 +162,18 @@ class Diagnosis:
             if topic in accepted:
                 figures["age_ms"] = (now_ns - self.tally.last_ns[topic]) / 1e6
             yield self._counted(f"input {topic}", counts | {"lost": lost.get(topic, 0)}, figures)
+
+    def _battery(self, now_ns: int) -> Status:
+        """What it last said; a battery that says nothing is not watched for its voltage."""
+        battery = self.monitor.newest(topics.BATTERY, Battery)
+        if battery is None:
+            return Status("battery", Level.WARN, "the battery has said nothing: its voltage is not watched", {})
+        age_ns = now_ns - battery.stamp_ns
+        figures = {"voltage_v": battery.voltage, "current_a": battery.current, "charge": battery.charge}
+        figures["age_ms"] = age_ns / 1e6
+        if age_ns > self.battery_age_max_ns:
+            return Status("battery", Level.WARN, "the battery is silent: its voltage is no longer watched", figures)
+        return Status("battery", Level.OK, "", figures)
 
     def _recorder(self, now_ns: int) -> Status:
         """Whether the log is written; control goes on without it."""

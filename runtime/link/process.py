@@ -109,7 +109,13 @@ class _Carrier:
             setup.joint_names,
             setup.description,
             self._monitor,
-            Diagnosis(self._monitor, inputs.tally, setup.config.silent_ns, partial(read_status, directory)),
+            Diagnosis(
+                self._monitor,
+                inputs.tally,
+                setup.config.silent_ns,
+                partial(read_status, directory),
+                setup.config.battery_age_max_ns,
+            ),
             instant(),
         )
 
@@ -119,10 +125,10 @@ class _Carrier:
         try:
             while not stop.is_set():
                 alarm.sleep_until(self._ticks.release_ns)
-                began_ns = time.monotonic_ns()
+                began_ns, began_cpu_ns = time.monotonic_ns(), time.thread_time_ns()
                 self._step(began_ns)
-                done_ns = time.monotonic_ns()
-                self._ticks.done(began_ns, done_ns, *self._news(done_ns))
+                cpu_ns, done_ns = time.thread_time_ns() - began_cpu_ns, time.monotonic_ns()
+                self._ticks.done(began_ns, done_ns, cpu_ns, *self._news(done_ns))
         finally:
             self._log.close()
 

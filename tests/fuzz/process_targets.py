@@ -91,7 +91,7 @@ def loop_of_everything() -> tuple[Manifest, tuple[Record, ...]]:
 def monitored() -> tuple[ControlMonitor, Diagnosis]:
     """The link's view of that loop."""
     monitor = ControlMonitor(loop_of_everything()[0])
-    return monitor, Diagnosis(monitor, Tally(), SILENT_NS, lambda: None)
+    return monitor, Diagnosis(monitor, Tally(), SILENT_NS, lambda: None, 5_000_000_000)
 
 
 def decode_tick(data: bytes) -> None:

@@ -80,7 +80,9 @@ def test_a_cyclictest_that_is_refused_is_told_in_one_sentence(tmp_path, monkeypa
     monkeypatch.setattr(bench_rt, "load", lambda loaded: contextlib.nullcontext())
     monkeypatch.setattr(bench_rt.shutil, "which", lambda tool: tool if tool == "cyclictest" else None)
     bench_rt.measure(slices=3, seconds=1.0)
-    assert capsys.readouterr().out.count(f"{said[0]}; so 3 slices have no reference") == 1
+    told = capsys.readouterr().out
+    assert told.count(f"{said[0]}; so 3 slices have no reference") == 1
+    assert told.count("the loops had no SCHED_FIFO") == 1
 
 
 def test_what_cyclictest_sees_is_the_reference(tmp_path, monkeypatch):
@@ -95,8 +97,8 @@ class EmptyWalk:
 
     period_ns = 2_000_000
 
-    def __init__(self, run_directory, seconds):
-        pass
+    def __init__(self, run_directory, seconds, say):
+        say("no SCHED_FIFO")
 
     def slice(self, bare, wake_early_us):
         return rt_slices.slice_of(Executor, rt_slices.TickSink(), LOOP)

@@ -23,7 +23,7 @@ def test_a_companion_skips_the_periods_that_it_was_late_for_and_says_so():
     seen = []
     for late_ns, took_ns in ((10_000, 200_000), (20_000, 34_000_000), (0, 0)):
         began_ns = ticks.release_ns + late_ns
-        ticks.done(began_ns, began_ns + took_ns)
+        ticks.done(began_ns, began_ns + took_ns, took_ns // 2)
         ((number, body),) = entries(sink[-1])
         assert number == channel.number
         record = channel.record.like()
@@ -34,6 +34,7 @@ def test_a_companion_skips_the_periods_that_it_was_late_for_and_says_so():
     assert [tick.release_ns // MS for tick in seen] == [100, 110, 150]
     assert [tick.wake_latency_ns for tick in seen] == [10_000, 20_000, 0]
     assert [tick.compute_ns for tick in seen] == [200_000, 34_000_000, 0]
+    assert [tick.cpu_ns for tick in seen] == [100_000, 17_000_000, 0]
     assert [bool(tick.late) for tick in seen] == [False, True, False]
     assert [tick.dropped for tick in seen] == [3, 3, 3]
 

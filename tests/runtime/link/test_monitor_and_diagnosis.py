@@ -16,16 +16,16 @@ from runtime.link.tally import Tally
 from runtime.messages.diagnostics import Level
 from runtime.recording.recorder_status import RecorderStatus
 from runtime.robots import topics
-from runtime.signals import BusState, BusStatus, Fault, Imu, JointState, Mode, OperatorEvent, SafetyStatus
+from runtime.signals import Battery, BusState, BusStatus, Fault, Imu, JointState, Mode, OperatorEvent, SafetyStatus
 from runtime.tasks import Loop
 
 SIZES = {"joint": 2, "bus": 2}
 IMU, SAFETY = Imu(topics.IMU), SafetyStatus(topics.SAFETY)
 JOINTS, BUSES = JointState(topics.JOINT_STATE, SIZES), BusStatus(topics.BUS_STATUS, SIZES)
-EVENT = OperatorEvent(topics.OPERATOR_EVENT)
-LOOP = Loop("wbc", 2_000_000, 1_000_000, 80, (IMU, SAFETY, JOINTS, BUSES, EVENT), (), (), ())
+EVENT, BATTERY = OperatorEvent(topics.OPERATOR_EVENT), Battery(topics.BATTERY)
+LOOP = Loop("wbc", 2_000_000, 1_000_000, 80, (IMU, SAFETY, JOINTS, BUSES, EVENT, BATTERY), (), (), ())
 MANIFEST = manifest_of((LOOP,))
-SILENT_NS = 500_000_000
+SILENT_NS, BATTERY_AGE_MAX_NS = 500_000_000, 5_000_000_000
 
 
 def datagram(index: int, *records, now_ns: int = 0, **tick_fields: int) -> bytes:
@@ -47,7 +47,7 @@ def monitor() -> ControlMonitor:
 
 @pytest.fixture
 def diagnosis(monitor) -> Diagnosis:
-    return Diagnosis(monitor, Tally(), SILENT_NS, lambda: None)
+    return Diagnosis(monitor, Tally(), SILENT_NS, lambda: None, BATTERY_AGE_MAX_NS)
 
 
 def part(diagnosis: Diagnosis, name: str, now_ns: int = 0):
@@ -164,7 +164,7 @@ def test_a_counter_warns_once_after_it_has_grown(monitor, diagnosis):
 
 def test_rejections_are_told_by_topic_and_reason(monitor):
     tally = Tally()
-    diagnosis = Diagnosis(monitor, tally, SILENT_NS, lambda: None)
+    diagnosis = Diagnosis(monitor, tally, SILENT_NS, lambda: None, BATTERY_AGE_MAX_NS)
     tally.accept("/imu/data", 10)
     tally.reject("/imu/data", "the stamp is too old")
     tally.reject("/imu/data", "the stamp is too old")
@@ -186,7 +186,7 @@ def test_every_fault_has_a_name(bits):
 
 def test_a_recorder_that_fails_or_falls_silent_is_an_error(monitor):
     said: list[RecorderStatus] = []
-    diagnosis = Diagnosis(monitor, Tally(), SILENT_NS, lambda: said[-1] if said else None)
+    diagnosis = Diagnosis(monitor, Tally(), SILENT_NS, lambda: said[-1] if said else None, BATTERY_AGE_MAX_NS)
     assert part(diagnosis, "recorder").level == Level.WARN
     said.append(RecorderStatus(recording="log", bag="log", updated_ns=10))
     assert part(diagnosis, "recorder", 10 + RECORDER_SILENT_NS).level == Level.OK
@@ -196,3 +196,15 @@ def test_a_recorder_that_fails_or_falls_silent_is_an_error(monitor):
     assert (told.level, told.message) == (Level.ERROR, "no space left on device, more: failed")
     said.append(RecorderStatus(recording="another", error="no space left on device", failed=3))
     assert part(diagnosis, "recorder").level == Level.OK
+
+
+def test_a_battery_that_says_nothing_is_told_since_its_voltage_is_not_watched(monitor, diagnosis):
+    silent = part(diagnosis, "battery")
+    assert (silent.level, silent.message) == (Level.WARN, "the battery has said nothing: its voltage is not watched")
+    battery = BATTERY.like()
+    battery.stamp_ns, battery.voltage = 1_000_000_000, 29.0
+    monitor.take(datagram(0, battery), 0)
+    heard = part(diagnosis, "battery", now_ns=1_000_000_000 + BATTERY_AGE_MAX_NS)
+    assert (heard.level, heard.values["voltage_v"]) == (Level.OK, 29.0)
+    old = part(diagnosis, "battery", now_ns=1_000_000_001 + BATTERY_AGE_MAX_NS)
+    assert (old.level, old.message) == (Level.WARN, "the battery is silent: its voltage is no longer watched")

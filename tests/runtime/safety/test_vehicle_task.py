@@ -192,6 +192,19 @@ def freeze_imu(rig):
     return {"keep": ("noise",)}
 
 
+def blind_imu(rig):
+    rig.imu.angular_velocity[1] = np.nan
+
+
+def spike_imu(rig):
+    rig.imu.linear_acceleration[2] = 900.0
+
+
+def turn_imu_back(rig):
+    rig.imu.stamp_ns = rig.now_ns - 500 * MS
+    return {"keep": ("imu",)}
+
+
 def silence_wheels(rig):
     return {"keep": ("wheels",)}
 
@@ -239,6 +252,9 @@ def stop_all(rig):
 GRAVE = [
     (break_imu, Fault.STALE_IMU, 20),
     (freeze_imu, Fault.FROZEN_IMU, 110),
+    (blind_imu, Fault.STALE_IMU | Fault.NON_FINITE_SENSOR, 20),
+    (spike_imu, Fault.STALE_IMU | Fault.IMPLAUSIBLE_IMU, 20),
+    (turn_imu_back, Fault.STALE_IMU | Fault.IMU_TIME, 20),
     (silence_wheels, Fault.STALE_MOTOR, 50),
     (silence_a_wheel, Fault.STALE_MOTOR, 50),
     (silence_the_temperatures, Fault.STALE_MOTOR, 500),
