@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from enum import Enum, auto
 from typing import Any
 
+from runtime.errors import UsageError
 from runtime.records import Record
 from runtime.robots import topics
 from runtime.signals import (
@@ -29,6 +30,16 @@ WATCHED = (topics.SAFETY, topics.BODY_COMMAND, topics.OPERATOR)
 RESTED_NS = 1_000_000_000
 """A damped robot lies still by then."""
 _POWERED = (Mode.STANDING, Mode.ACTIVE)
+
+
+def check_has_laps(scenario: Scenario) -> None:
+    """See that there is a path to follow lap after lap.
+
+    Raises:
+        UsageError: if the robot of the scenario stands, or goes by the operator's velocity.
+    """
+    if not len(scenario.waypoints) or scenario.velocity is not None:
+        raise UsageError(f"ugv sil: --duration is for scenarios with a path to follow, and {scenario.name} has none")
 
 
 class Aim(Enum):

@@ -20,12 +20,14 @@ from runtime.recording.log import Log
 from runtime.recording.run_data import BODY_STATE
 from runtime.recording.stalls import STALL_NS, fault_events
 from runtime.robots import assembled
+from sim_bridge.endurance import check_has_laps
 from sim_bridge.live_flaws import flaws
 from sim_bridge.live_processes import LiveProcesses, wired
 from sim_bridge.observer import Progress
 from sim_bridge.process import Task
 from sim_bridge.run import with_variant
 from sim_bridge.run_bags import RunBags
+from sim_bridge.simulation import simulation_of
 
 SETTLED_S = 120.0
 
@@ -48,10 +50,13 @@ def run_live(
     With `duration_s` the robot walks lap after lap for so long, and after each fault is reset and goes on.
 
     Raises:
-        UgvError: for an unknown robot, scenario or key, or a process that ended before the run.
+        UgvError: for an unknown robot, scenario or key, laps where there is no path, or a process that ended before
+            the run.
     """
     chosen = with_variant(overrides, estimator, controller)
     with runtime_directory() as directory, wired(robot, chosen, directory) as (config, buses):
+        if duration_s is not None:
+            check_has_laps(simulation_of(config).scenario(scenario, seed))
         print(f"ugv sil: {buses}", file=sys.stderr)
         task = Task(
             "",

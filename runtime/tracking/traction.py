@@ -27,7 +27,7 @@ class TractionConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         lateral_share: and than this share of its forward speed,
         lateral_mps2: while it is asked for a greater lateral acceleration than this; asked for less it keeps its hold,
             and what looks like side slip is rough ground;
-        rolling_mps: or when two of its wheels roll so much faster or slower than they move.
+        rolling_mps: or when the slip of two of its wheels is so much of its speed (at little speed, slip is noise).
         least: share of the accelerations that is counted on at least.
         fall_per_s: how fast the share falls while it slides,
         rise_per_s: and rises again when it does not.

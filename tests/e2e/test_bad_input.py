@@ -43,6 +43,11 @@ def refusal(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
     ("arguments", "sentence"),
     [
         ("sil uslgo2", "robot 'uslgo2' is unknown; did you mean uslgo1?"),
+        (
+            "sil uslgo1 stand --realtime --duration 60",
+            "is for scenarios with a path to follow, and stand has",
+        ),
+        ("sil 4ws4wd crab --realtime --duration 60", "is for scenarios with a path to follow, and crab has"),
         ("sil uslgo1 circle-7cm", "scenario 'circle-7cm' is unknown; did you mean circle-6cm?"),
         ("sil uslgo1 slope-up-50", "scenario 'slope-up-50': 50 degrees is not above 0 and at most 35"),
         ("sil uslgo1 --controller MPC", 'variant.controller = "MPC" is not one of FpM, FpMW, pMW'),
