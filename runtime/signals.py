@@ -90,6 +90,7 @@ class Fault(IntFlag):
     NO_FORCES = 1 << 24
     MOVED_LOCALIZATION = 1 << 25
     MISSING_REPLY = 1 << 26
+    STUCK_STEERING = 1 << 27
 
 
 class Request(IntEnum):

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Looks for what is wrong with a vehicle on steered wheels and with its commands; finds bits of `Fault`.
 
-A wheel takes the place of a joint: JOINT_POSITION is a wheel whose steering is stuck, JOINT_VELOCITY one that turns too
-fast, STALE_MOTOR a state frame that no longer comes, MOTOR_FAULT what the control unit says of its motors, or that it
-does not drive them.
+A wheel takes the place of a joint: JOINT_VELOCITY is one that turns too fast, STALE_MOTOR a state frame that no longer
+comes, MOTOR_FAULT what the control unit says of its motors, or that it does not drive them.
 """
 
 from __future__ import annotations
@@ -162,7 +161,7 @@ def steering_faults(
             late = now_ns - memory.turned_ns[wheel] > config.steering_stuck_ns
             memory.stuck[wheel] = late or wheels.fault[wheel] != 0
             if memory.stuck[wheel]:
-                found |= Fault.JOINT_POSITION.value
+                found |= Fault.STUCK_STEERING.value
     return found
 
 

@@ -105,7 +105,7 @@ def braking_distance(speed_mps=SPEED_MPS):
     [
         (no_answer, Fault.STALE_MOTOR),
         (motor_fault, Fault.MOTOR_FAULT),
-        (steering_fault, Fault.JOINT_POSITION),
+        (steering_fault, Fault.STUCK_STEERING),
         (damaged_states, Fault.STALE_MOTOR),
         (stalled_states, Fault.STALE_MOTOR),
         (lost_bus, Fault.BUS),
@@ -144,7 +144,7 @@ def test_commands_that_arrive_damaged_are_not_obeyed_and_the_unit_brakes_by_itse
 def test_one_that_cannot_steer_a_wheel_stops_as_straight_as_it_can():
     seen = drive(lambda wired: wired.world.unit.jam(FRONT_LEFT), "slalom", ends_ns=6_500_000_000)
     assert seen.status.mode == Mode.DAMPED
-    assert seen.status.fault & Fault.JOINT_POSITION
+    assert seen.status.fault & Fault.STUCK_STEERING
     assert seen.stopped_ns < 6_000_000_000
     stop = np.array(seen.track[seen.from_here :])
     assert travelled(stop) < braking_distance() + 0.1
@@ -172,7 +172,7 @@ def test_one_that_cannot_steer_an_axle_stops_within_its_braking_distance_as_stra
     first, second = axle
     seen = drive(jam(first), "slalom", 7_500_000_000, speed_mps, strikes_ns, jam(second))
     assert seen.status.mode == Mode.DAMPED
-    assert seen.status.fault & Fault.JOINT_POSITION
+    assert seen.status.fault & Fault.STUCK_STEERING
     simulation, noticed = CONFIG.simulation, seen.from_here
     late = np.array(seen.lags)[:noticed, axle] > simulation.stuck_error_rad + NOISE_RAD
     late_ticks = np.argmin(late[::-1], axis=0)

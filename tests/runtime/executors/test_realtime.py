@@ -4,7 +4,9 @@
 Nothing here says how fast a host is: every expectation is made from the times that the ticks themselves hold.
 """
 
+import gc
 import itertools
+import os
 import sys
 import threading
 import time
@@ -67,7 +69,14 @@ class Outside:
             self.sent.append((arguments[0].value, arguments[1]))
 
 
-def run(steps=60, fast_work=lambda step: None, slow_work=lambda step: None, outside=None, say=lambda sentence: None):
+def run(
+    steps=60,
+    fast_work=lambda step: None,
+    slow_work=lambda step: None,
+    outside=None,
+    say=lambda sentence: None,
+    processors=(),
+):
     """Run until the fast loop has made so many steps; gives tasks, outside, and the ticks of each loop."""
     outside = outside or Outside()
 
@@ -83,7 +92,7 @@ def run(steps=60, fast_work=lambda step: None, slow_work=lambda step: None, outs
         Loop("fast", 2 * MS, 1 * MS, 80, (sensor,), (a.input,), (Scheduled(a),), (a.output,), (farewell,)),
         Loop("slow", 10 * MS, 6 * MS, 60, (), (b.input,), (Scheduled(b),), ()),
     )
-    executor = RealTime(loops, {"/sensor": outside}, {"/a": outside}, outside, say=say)
+    executor = RealTime(loops, {"/sensor": outside}, {"/a": outside}, outside, processors, say=say)
     executor.run()
     numbers = {channel.number: channel.record.topic for channel in executor.manifest.channels}
     ticks = {"/ugv/tick/fast": [], "/ugv/tick/slow": []}
@@ -120,6 +129,21 @@ def test_a_value_is_seen_from_release_plus_budget_on_and_never_before():
             assert releases[sequence] + 1 * MS <= tick.now_ns
     positions = {tick.index + 1: position for position, tick in enumerate(fast, start=1)}
     assert [value for _, value in b.seen] == [positions.get(sequence, 0) for sequence in consumed]
+
+
+def test_loops_stay_on_their_processors_with_memory_that_stays_and_no_collector_between(monkeypatch):
+    (one, *_), granted = sorted(os.sched_getaffinity(0)), []
+    monkeypatch.setattr(realtime, "lock_memory", lambda: granted.append("locked") or "")
+    monkeypatch.setattr(realtime, "unlock_memory", lambda: granted.append("unlocked"))
+    found = []
+
+    def look(step):
+        found.append((os.sched_getaffinity(0), gc.isenabled(), granted[:]))
+
+    run(fast_work=look, slow_work=look, processors=(one,))
+    assert all(seen == ({one}, False, ["locked"]) for seen in found)
+    assert granted == ["locked", "unlocked"]
+    assert gc.isenabled()
 
 
 def test_the_fast_loop_is_woken_early_and_waits_for_its_release_awake(monkeypatch):

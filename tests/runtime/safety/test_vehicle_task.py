@@ -307,7 +307,7 @@ def test_a_wheel_that_cannot_be_steered_by_the_units_word_is_stuck(wheel):
     rig.step()
     rig.wheels.fault[wheel] = 3
     rig.step()
-    assert rig.status.fault == Fault.JOINT_POSITION | Fault.MOTOR_FAULT
+    assert rig.status.fault == Fault.STUCK_STEERING | Fault.MOTOR_FAULT
     assert list(np.flatnonzero(rig.task.state.stuck)) == [wheel]
 
 
@@ -321,7 +321,7 @@ def test_a_vehicle_whose_steering_is_stuck_stops_straight(wheel):
     while rig.status.mode != Mode.DAMPED:
         rig.step()
         assert rig.now_ns < 10_500 * MS
-    assert rig.status.fault & Fault.JOINT_POSITION
+    assert rig.status.fault & Fault.STUCK_STEERING
     assert list(np.flatnonzero(rig.task.state.stuck)) == [wheel]
     steered_ns = rig.now_ns + round(0.25 / config.steering_rate_max_radps * 1e9) + 20 * MS
     headings = []
