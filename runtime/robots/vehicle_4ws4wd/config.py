@@ -203,7 +203,19 @@ class Vehicle4ws4wdConfig(RobotConfig, frozen=True, forbid_unknown_fields=True):
         longest_s = CAPACITY * self.loops.tracker_period_ns * 1e-9
         if self.delay.maximum_s > longest_s:
             raise ConfigError(f"delay.maximum_s = {self.delay.maximum_s:g} is above {longest_s:g}")
+        self._check_patience()
         self._check_answers()
+
+    def _check_patience(self) -> None:
+        """Wheels that answer late must not be taken for wheels that do not answer."""
+        delay_ns = self.simulation.command_delay_ns
+        for key in ("refusal_ns", "steering_stuck_ns"):
+            patience_ns = getattr(self.safety, key)
+            if delay_ns >= patience_ns:
+                raise ConfigError(
+                    f"simulation.command_delay_ns = {delay_ns} is not below safety.{key} = {patience_ns}, after which "
+                    "a wheel that does not answer is a fault"
+                )
 
     def _check_answers(self) -> None:
         """There is one vehicle, however many models of its answer there are; one may take it for slower than it is."""

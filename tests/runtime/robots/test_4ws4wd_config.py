@@ -26,6 +26,14 @@ REFUSED = {
     "no such DBC": ({"drives.dbc": "nowhere.dbc"}, ("drives.dbc", "nowhere.dbc")),
     "unknown controller": ({"variant.controller": "stanley"}, ("variant.controller", "stanley", "fuzzy-ldc")),
     "a delay beyond memory": ({"delay.maximum_s": "1.9"}, ("delay.maximum_s", "1.9")),
+    "wheels that answer later than is waited for": (
+        {"simulation.command_delay_ns": "600000000"},
+        ("simulation.command_delay_ns = 600000000", "safety.refusal_ns = 300000000"),
+    ),
+    "steering that answers later than is waited for": (
+        {"simulation.command_delay_ns": "600000000", "safety.refusal_ns": "1000000000"},
+        ("simulation.command_delay_ns = 600000000", "safety.steering_stuck_ns = 500000000"),
+    ),
     "another vehicle to track": (
         {"tracker.following.answer.wheelbase_m": "1.2"},
         ("tracker.following.answer.wheelbase_m = 1.2", "vehicle.wheelbase_m = 1.17"),
