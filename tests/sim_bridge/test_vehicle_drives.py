@@ -31,6 +31,16 @@ def test_ground_and_ways_of_its_own_are_driven_to_their_end(scenario, lateral_m,
     assert summary["speed_mps"]["mean"] == pytest.approx(summary["speed_mps"]["commanded"], rel=0.1)
 
 
+@pytest.mark.parametrize("controller", ["steered-return", "mpc"])
+def test_other_controllers_than_the_papers_are_sooner_on_the_line_though_commands_are_late(controller):
+    late = {"simulation.command_delay_ns": "200000000"}
+    papers = run_scenario("4ws4wd", "straight", overrides=late)
+    other = run_scenario("4ws4wd", "straight", controller=controller, overrides=late)
+    assert other["completed"]
+    assert other["fault"] == ""
+    assert other["lateral_error_m"]["mean"] < papers["lateral_error_m"]["mean"]
+
+
 def over_the_patch(changes):
     """Round a slippery bend by a vehicle that counts on half of the grip of other ground, at 3 m/s."""
     friction = load_configuration("4ws4wd").simulation.terrain_friction

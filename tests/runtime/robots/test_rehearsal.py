@@ -16,7 +16,7 @@ def test_the_robot_comes_to_walk(estimator, controller):
 
 
 @pytest.mark.parametrize("estimator", ["kalman", "truth"])
-@pytest.mark.parametrize("controller", ["fuzzy-ldc", "mpc"])
+@pytest.mark.parametrize("controller", ["steered-return", "fuzzy-ldc", "mpc"])
 def test_the_vehicle_comes_to_drive(estimator, controller):
     assert rehearse(load_configuration("4ws4wd", {"variant.estimator": estimator, "variant.controller": controller}))
 
