@@ -93,7 +93,7 @@ def run_live(
 
 def _watched(live: LiveProcesses, progress: Progress) -> dict[str, Any]:
     for sentence in live.refused:
-        print(f"ugv sil: the simulator has {sentence}", file=sys.stderr)
+        print(f"ugv sil: the simulator: {sentence}", file=sys.stderr)
     held: list[tuple[float, dict[str, Resources]]] = []
     outcome: dict[str, Any] = {}
     for answer in live.answers():

@@ -25,6 +25,12 @@ from runtime.executors.realtime import WAKE_EARLY_US
 RATES_HZ = (500, 1000)
 SLICES, SLICE_S, LIVE_S = 12, 5.0, 20.0
 QUANTILES = (50.0, 99.0, 99.9)
+VARIANTS = {
+    "with tasks": (False, WAKE_EARLY_US),
+    "without tasks": (True, WAKE_EARLY_US),
+    "woken at release": (False, 0),
+}
+"""Slices of our loops: whether they are bare, and how early the fast one is woken."""
 LEGEND = """\
 with tasks: the fast loop on a recorded walk, the slow one beside it; without tasks: the same loops, empty
 both are woken early and wait for their release awake; woken at release: with tasks, but no earlier, as cyclictest is
@@ -44,22 +50,18 @@ def measure(slices: int = SLICES, seconds: float = SLICE_S) -> None:
         with recorded(SCENARIO, STANDING_UP_S + seconds + 0.5, {"loops.wbc_hz": str(rate_hz)}) as run_directory:
             walk = Walk(run_directory, seconds, withheld.append)
             for loaded in loads:
-                found: dict[str, list[Slice]] = {}
+                found: dict[str, list[Slice]] = {name: [] for name in VARIANTS}
                 reference: list[list[float]] = []
                 with progress_bar(f"{rate_hz} Hz, {'loaded' if loaded else 'idle'}") as progress, load(loaded):
                     for number in range(slices):
-                        for name, bare, wake_early_us in (
-                            ("with tasks", False, WAKE_EARLY_US),
-                            ("without tasks", True, WAKE_EARLY_US),
-                            ("woken at release", False, 0),
-                        ):
-                            found.setdefault(name, []).append(walk.slice(bare, wake_early_us))
+                        for name, (bare, wake_early_us) in VARIANTS.items():
+                            found[name].append(walk.slice(bare, wake_early_us))
                         reference.append(cyclictest(walk.period_ns, seconds, 80, refusals.append))
                         progress(number + 1, slices)
                 _print(rate_hz, loaded, found, reference)
     print(LEGEND)
     for refusal in dict.fromkeys(withheld):
-        print(f"the loops had {refusal}")
+        print(f"the loops: {refusal}")
     for refusal in dict.fromkeys(refusals):
         print(f"{refusal}; so {refusals.count(refusal)} slices have no reference")
     for tool in ("cyclictest", "stress-ng"):

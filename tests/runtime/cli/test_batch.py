@@ -6,7 +6,7 @@ import sys
 
 BATCH = """
 from runtime.cli.batch import in_processes
-in_processes(exec, ["import time; print('begun', flush=True); time.sleep(600)"], print)
+in_processes(exec, ["import signal; print('begun', flush=True); signal.alarm(600); signal.pause()"], print)
 """
 
 

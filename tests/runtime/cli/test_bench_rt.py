@@ -82,7 +82,7 @@ def test_a_cyclictest_that_is_refused_is_told_in_one_sentence(tmp_path, monkeypa
     bench_rt.measure(slices=3, seconds=1.0)
     told = capsys.readouterr().out
     assert told.count(f"{said[0]}; so 3 slices have no reference") == 1
-    assert told.count("the loops had no SCHED_FIFO") == 1
+    assert told.count("the loops: no SCHED_FIFO") == 1
 
 
 def test_what_cyclictest_sees_is_the_reference(tmp_path, monkeypatch):

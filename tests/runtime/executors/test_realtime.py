@@ -146,15 +146,20 @@ def test_loops_stay_on_their_processors_with_memory_that_stays_and_no_collector_
     assert gc.isenabled()
 
 
-def test_the_fast_loop_is_woken_early_and_waits_for_its_release_awake(monkeypatch):
-    woken = {"fast": [], "slow": []}
+def watch_sleeps(monkeypatch, look):
+    """Have `look` called with the loop's name and its time to wake, whenever a loop goes to sleep."""
 
     class Alarm(realtime.Alarm):
         def sleep_until(self, wake_ns):
-            woken[threading.current_thread().name].append(wake_ns)
+            look(threading.current_thread().name, wake_ns)
             super().sleep_until(wake_ns)
 
     monkeypatch.setattr(realtime, "Alarm", Alarm)
+
+
+def test_the_fast_loop_is_woken_early_and_waits_for_its_release_awake(monkeypatch):
+    woken = {"fast": [], "slow": []}
+    watch_sleeps(monkeypatch, lambda loop, wake_ns: woken[loop].append(wake_ns))
     _, _, _, fast, slow = run()
     assert woken["fast"][: len(fast)] == [tick.release_ns - 1000 * WAKE_EARLY_US for tick in fast]
     assert woken["slow"][: len(slow)] == [tick.release_ns for tick in slow]
@@ -162,17 +167,10 @@ def test_the_fast_loop_is_woken_early_and_waits_for_its_release_awake(monkeypatc
 
 
 def test_the_fast_loop_waits_shortly_for_the_interpreter_and_keeps_it_while_it_computes(monkeypatch):
-    asleep, at_work, before = [], [], sys.getswitchinterval()
-
-    class Alarm(realtime.Alarm):
-        def sleep_until(self, wake_ns):
-            if threading.current_thread().name == "fast":
-                asleep.append(sys.getswitchinterval())
-            super().sleep_until(wake_ns)
-
-    monkeypatch.setattr(realtime, "Alarm", Alarm)
+    asleep, at_work, before = {"fast": [], "slow": []}, [], sys.getswitchinterval()
+    watch_sleeps(monkeypatch, lambda loop, wake_ns: asleep[loop].append(sys.getswitchinterval()))
     run(fast_work=lambda step: at_work.append(sys.getswitchinterval()))
-    assert asleep == pytest.approx([SWITCH_INTERVAL_US * 1e-6] * len(asleep))
+    assert asleep["fast"] == pytest.approx([SWITCH_INTERVAL_US * 1e-6] * len(asleep["fast"]))
     assert at_work == pytest.approx([KEPT_US * 1e-6] * 60)
     assert sys.getswitchinterval() == before
 

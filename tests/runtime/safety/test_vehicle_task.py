@@ -281,7 +281,7 @@ def test_a_grave_fault_stops_the_vehicle_within_its_braking_distance_and_says_wh
         assert rig.now_ns - since_ns <= (after_ms + 25) * MS
     seconds = (rig.now_ns - since_ns) * 1e-9
     assert rig.status.mode == Mode.DAMPED
-    assert rig.status.fault & fault
+    assert rig.status.fault & fault == fault
     for _ in range(100):
         rig.step(**how)
     assert (rig.output.enable, rig.output.mode) == (False, BRAKE)
