@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path as FilePath
@@ -12,12 +12,14 @@ from typing import Any
 from runtime.executors.shared_memory import SharedWriter
 from runtime.executors.shared_ports import event_writer, latest_writer
 from runtime.link import topics as ros
+from runtime.link.clocks import Instant, instant
 from runtime.link.event_outlet import EventOutlet
 from runtime.link.operator_inputs import RequestUse, VelocityUse
 from runtime.link.path_input import PathUse
 from runtime.link.rate_gate import RateGate
 from runtime.link.senders import SenderBook
 from runtime.link.sensor_inputs import BatteryUse, ImuUse, PoseUse, watch_scan
+from runtime.link.setup import LinkSetup
 from runtime.link.tally import Tally
 from runtime.link.topic_input import TopicInput
 from runtime.messages import definitions, standard
@@ -27,14 +29,17 @@ from runtime.messages.keys import DEFAULT_QUALITY, SENSOR_QUALITY
 from runtime.messages.path import decode_path
 from runtime.messages.pose import decode_pose_stamped, decode_pose_with_covariance_stamped
 from runtime.messages.scan import decode_laser_scan, decode_point_cloud
-from runtime.messages.session import RosSession
+from runtime.messages.session import Session
 from runtime.messages.twist import decode_twist, decode_twist_stamped
 from runtime.records import Record
 from runtime.robots import topics
 from runtime.robots.link_config import LinkConfig
-from runtime.signals import Request
+from runtime.signals import Battery, Imu, OperatorEvent, Pose, Request
+from runtime.signals import Path as PathRecord
+from runtime.tasks import Loop
 
 _BURST_S = 0.1
+_NS_PER_SECOND = 1_000_000_000
 
 
 class Inputs:
@@ -45,6 +50,7 @@ class Inputs:
         records: a record of each topic's layout, by topic.
         directory: of the files.
         taken_hz: how many operator's requests a second the control loop takes.
+        clock: gives the present.
 
     Attributes:
         tally: what became of the messages.
@@ -55,8 +61,15 @@ class Inputs:
         SharedMemoryError: if the files cannot be made or another link writes to them.
     """
 
-    def __init__(self, config: LinkConfig, records: Mapping[str, Record], directory: FilePath, taken_hz: float) -> None:
-        self.tally, self.senders = Tally(), SenderBook()
+    def __init__(
+        self,
+        config: LinkConfig,
+        records: Mapping[str, Record],
+        directory: FilePath,
+        taken_hz: float,
+        clock: Callable[[], Instant] = instant,
+    ) -> None:
+        self.tally, self.senders, self._clock = Tally(), SenderBook(), clock
         self._files = ExitStack()
         self._topics: list[tuple[str, str, TopicInput[Any]]] = []
         try:
@@ -112,10 +125,10 @@ class Inputs:
 
     def _add(self, topic: str, type_name: str, decode: Any, use: Any, rate_hz: float | None) -> None:
         gate = None if rate_hz is None else partial(RateGate, rate_hz, max(1, round(rate_hz * _BURST_S)))
-        taker: TopicInput[Any] = TopicInput(topic, decode, use, gate, self.tally, self.senders)
+        taker: TopicInput[Any] = TopicInput(topic, decode, use, gate, self.tally, self.senders, self._clock)
         self._topics.append((topic, type_name, taker))
 
-    def subscribe(self, session: RosSession) -> None:
+    def subscribe(self, session: Session) -> None:
         """Begin to take messages."""
         session.watch_publishers(self.senders.note)
         for topic, type_name, taker in self._topics:
@@ -125,3 +138,16 @@ class Inputs:
     def close(self) -> None:
         """Let the files go, which stay for their readers; the session must be closed by then."""
         self._files.close()
+
+
+def inputs_of(setup: LinkSetup, directory: FilePath, clock: Callable[[], Instant] = instant) -> Inputs:
+    """The inputs of a robot's link; arguments and errors as of `Inputs`."""
+    fastest_ns = min(loop.period_ns for loop in setup.loops)
+    return Inputs(setup.config, _records(setup.loops), directory, _NS_PER_SECOND / fastest_ns, clock)
+
+
+def _records(loops: Sequence[Loop]) -> dict[str, Record]:
+    """A record of each input's layout."""
+    measured = (Imu(topics.IMU), Pose(topics.LOCALIZATION), Battery(topics.BATTERY))
+    path = next(r for loop in loops for r in loop.port_inputs if isinstance(r, PathRecord))
+    return {record.topic: record for record in (*measured, path.like(), OperatorEvent(topics.OPERATOR_EVENT))}

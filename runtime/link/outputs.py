@@ -18,7 +18,7 @@ from runtime.messages.diagnostics import encode_diagnostics
 from runtime.messages.joint_state import JointStateMessage
 from runtime.messages.keys import TRANSIENT_LOCAL_QUALITY
 from runtime.messages.odometry import OdometryMessage
-from runtime.messages.session import Publisher, RosSession
+from runtime.messages.session import Publisher, Session
 from runtime.messages.standard import encode_string
 from runtime.messages.transform import TransformMessage, encode_fixed
 from runtime.records import Record
@@ -72,7 +72,7 @@ class Outputs:
 
     def __init__(
         self,
-        session: RosSession,
+        session: Session,
         config: LinkConfig,
         robot: str,
         joint_names: Sequence[str],

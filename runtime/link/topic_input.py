@@ -31,6 +31,7 @@ class TopicInput(Generic[Message]):
         make_gate: bounds the messages that are read of one publisher; None if all are read.
         tally: counts.
         senders: whose the publishers are.
+        clock: gives the present.
     """
 
     def __init__(
@@ -41,10 +42,11 @@ class TopicInput(Generic[Message]):
         make_gate: Callable[[], RateGate] | None,
         tally: Tally,
         senders: SenderBook,
+        clock: Callable[[], Instant] = instant,
     ) -> None:
         self.topic = topic
         self._decode, self._use, self._make_gate = decode, use, make_gate
-        self._tally, self._senders = tally, senders
+        self._tally, self._senders, self._clock = tally, senders, clock
         self._unknown = number_of(topic)
         self._publishers: dict[bytes, _Publisher] = {}
         self._crowd = self._new()
@@ -52,7 +54,7 @@ class TopicInput(Generic[Message]):
 
     def receive(self, payload: bytes, attachment: bytes) -> None:
         """Take a message."""
-        now = instant()
+        now = self._clock()
         with self._lock:
             try:
                 source = self._admit(attachment, now)

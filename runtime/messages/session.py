@@ -75,7 +75,30 @@ def session_config(listen: Sequence[str], connect: Sequence[str], file: Path | N
         raise SessionError(f"{where}not a valid configuration of zenoh: {_reason(error)}") from None
 
 
-class Publisher:
+class Publisher(Protocol):
+    """Publishes on one topic."""
+
+    def put(self, payload: bytes) -> None:
+        """Send a message."""
+
+
+class Session(Protocol):
+    """A node of the ROS graph; see `RosSession`."""
+
+    def publisher(self, topic: str, type_name: str, quality: str = DEFAULT_QUALITY) -> Publisher:
+        """A publisher."""
+
+    def subscribe(self, topic: str, type_name: str, receiver: Receiver, quality: str = DEFAULT_QUALITY) -> None:
+        """Hand every message of a topic to a receiver."""
+
+    def watch_publishers(self, changed: Callable[[str, bool], None]) -> None:
+        """Be told the token of each publisher of the domain, and of its end."""
+
+    def peers(self) -> int:
+        """How many sessions this one is connected with."""
+
+
+class RosPublisher:
     """Publishes on one topic; what the network cannot take is dropped, so that nobody is waited for."""
 
     def __init__(self, publisher: Any, gid: bytes) -> None:
@@ -123,7 +146,7 @@ class RosSession:
         self._token(token)
         return token
 
-    def publisher(self, topic: str, type_name: str, quality: str = DEFAULT_QUALITY) -> Publisher:
+    def publisher(self, topic: str, type_name: str, quality: str = DEFAULT_QUALITY) -> RosPublisher:
         """A publisher; a transient local one keeps its last message for those that come later.
 
         Raises:
@@ -147,7 +170,7 @@ class RosSession:
         else:
             publisher = self._session.declare_publisher(key, congestion_control=drop)
         self._held.append(publisher)
-        return Publisher(publisher, _gid(self._node.session, token))
+        return RosPublisher(publisher, gid_of(self._node.session, token))
 
     def subscribe(self, topic: str, type_name: str, receiver: Receiver, quality: str = DEFAULT_QUALITY) -> None:
         """Hand every message of a topic to a receiver, in the thread that read it from the network."""
@@ -198,7 +221,7 @@ class RosSession:
         self.close()
 
 
-def _gid(session: str, token: str) -> bytes:
+def gid_of(session: str, token: str) -> bytes:
     """Of a publisher: the first half is the same for all of a session, so that a sender is known by it."""
     half = GID_BYTES // 2
     return b"".join(hashlib.blake2b(text.encode(), digest_size=half).digest() for text in (session, token))

@@ -250,13 +250,12 @@ def test_a_velocity_that_cannot_be_used_is_refused(changes, reason):
 class Topic:
     """A topic with flags, and what was used of it."""
 
-    def __init__(self, monkeypatch, rate_hz: float | None = None, burst: int = 3) -> None:
+    def __init__(self, rate_hz: float | None = None, burst: int = 3) -> None:
         self.used: list[tuple[bool, int]] = []
         self.tally = Tally()
         clock = instants(0)
-        monkeypatch.setattr("runtime.link.topic_input.instant", lambda: next(clock))
         gate = None if rate_hz is None else lambda: RateGate(rate_hz, burst)
-        self.input = TopicInput("/arm", decode_bool, self._use, gate, self.tally, SenderBook())
+        self.input = TopicInput("/arm", decode_bool, self._use, gate, self.tally, SenderBook(), lambda: next(clock))
 
     def _use(self, flag: bool, source: int, now: Instant) -> None:
         self.used.append((flag, source))
@@ -265,8 +264,8 @@ class Topic:
         self.input.receive(payload, Attachment(sequence, 0, gid.to_bytes(16, "little")).to_bytes())
 
 
-def test_what_arrives_is_used_and_counted(monkeypatch):
-    topic = Topic(monkeypatch)
+def test_what_arrives_is_used_and_counted():
+    topic = Topic()
     topic.send(1, gid=7)
     topic.input.receive(TRUE, b"")
     topic.input.receive(TRUE, b"rubbish")
@@ -280,16 +279,16 @@ def test_what_arrives_is_used_and_counted(monkeypatch):
     }
 
 
-def test_messages_that_never_came_are_counted(monkeypatch):
-    topic = Topic(monkeypatch)
+def test_messages_that_never_came_are_counted():
+    topic = Topic()
     for sequence in (1, 2, 5, 6, 3, 10**12):
         topic.send(sequence)
     topic.send(40, gid=2)
     assert topic.tally.lost["/arm"] == 2, "a publisher that counts in another way has lost nothing"
 
 
-def test_a_publisher_that_floods_bounds_itself_alone(monkeypatch):
-    topic = Topic(monkeypatch, rate_hz=1.0)
+def test_a_publisher_that_floods_bounds_itself_alone():
+    topic = Topic(rate_hz=1.0)
     for sequence in range(50):
         topic.send(sequence, gid=1)
     topic.send(1, gid=2)
@@ -297,8 +296,8 @@ def test_a_publisher_that_floods_bounds_itself_alone(monkeypatch):
     assert topic.tally.rejected["/arm", "more messages than are read"] == 47
 
 
-def test_a_flood_under_many_names_is_bounded_too(monkeypatch):
-    topic = Topic(monkeypatch, rate_hz=1.0)
+def test_a_flood_under_many_names_is_bounded_too():
+    topic = Topic(rate_hz=1.0)
     topic.send(1, gid=1)
     for gid in range(2, 200):
         topic.send(1, gid=gid)
@@ -309,7 +308,7 @@ def test_a_flood_under_many_names_is_bounded_too(monkeypatch):
 
 
 def test_a_fault_of_ours_is_told_as_such_and_the_topic_goes_on(monkeypatch):
-    topic = Topic(monkeypatch)
+    topic = Topic()
     monkeypatch.setattr(topic.input, "_use", lambda *parts: 1 / 0)
     topic.send(1)
     assert topic.tally.rejected["/arm", "a fault of the link: ZeroDivisionError"] == 1
