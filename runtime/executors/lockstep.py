@@ -34,10 +34,6 @@ class World(Protocol):
         """Let virtual time pass."""
 
 
-def _release_ns(run: LoopRun) -> int:
-    return run.index * run.loop.period_ns
-
-
 class Lockstep:
     """Steps loops in virtual time.
 
@@ -49,6 +45,7 @@ class Lockstep:
         key_frame_ns: how often every task's state is logged and taken up again.
         delays: of the steps. Results that are late leave when they are done, and a step that takes longer than the
             period has the loop skip whole periods, exactly as in real time.
+        start_ns: release of the first ticks.
 
     Attributes:
         manifest: of the datagrams.
@@ -64,6 +61,7 @@ class Lockstep:
         sink: TickSink,
         key_frame_ns: int = 1_000_000_000,
         delays: Delays = no_delay,
+        start_ns: int = 0,
     ) -> None:
         self.manifest = manifest_of(tuple(loops))
         self._runs = connected(loops, self.manifest, key_frame_ns, input_ports, sink)
@@ -71,20 +69,23 @@ class Lockstep:
         self._departures: list[tuple[int, int, Record, bytes]] = []
         self._scratch = {record.topic: record.like() for loop in loops for record in loop.port_outputs}
         self._departure_count = 0
-        self._delays = delays
+        self._delays, self._start_ns = delays, start_ns
         self.compute_ns: dict[str, list[int]] = {loop.name: [] for loop in loops}
 
     def run(self, until_ns: int, stop: Callable[[int], bool]) -> int:
         """Take every step released before `until_ns`, or until `stop(now_ns)` says so; returns the time reached."""
         with collector_paused():
             while True:
-                run = min(self._runs, key=_release_ns)
-                now_ns = min(_release_ns(run), until_ns)
+                run = min(self._runs, key=self._release_ns)
+                now_ns = min(self._release_ns(run), until_ns)
                 self._depart(now_ns)
                 self._world.advance(now_ns)
                 if now_ns == until_ns or stop(now_ns):
                     return now_ns
                 self._step(run, now_ns)
+
+    def _release_ns(self, run: LoopRun) -> int:
+        return self._start_ns + run.index * run.loop.period_ns
 
     def _depart(self, now_ns: int) -> None:
         while self._departures and self._departures[0][0] <= now_ns:
@@ -106,4 +107,4 @@ class Lockstep:
             self._departure_count += 1
             heapq.heappush(self._departures, (visible_ns, self._departure_count, record, record.to_bytes()))
         run.log()
-        run.index, tick.skipped = next_tick(run.index, 0, loop.period_ns, done_ns)
+        run.index, tick.skipped = next_tick(run.index, self._start_ns, loop.period_ns, done_ns)

@@ -20,7 +20,7 @@ from runtime.messages.session import RosSession, session_config
 from runtime.robots.uslgo1.config import Uslgo1Config
 from sim_bridge.faults.held_thread import held, thread_of
 from sim_bridge.faults.relay import Relay
-from sim_bridge.ros_outlet import TYPES
+from sim_bridge.ros_messages import TYPES
 
 if TYPE_CHECKING:  # the simulator, which these processes start, looks up faults too
     from sim_bridge.live_processes import LiveProcesses

@@ -70,7 +70,7 @@ class Recorder(list):
         self.append((now_ns, record.stamp_ns, record.value))
 
 
-def build(fast=(2, 1), slow=(10, 6), every=1, key_frame_ns=10**9):
+def build(fast=(2, 1), slow=(10, 6), every=1, key_frame_ns=10**9, start_ns=0):
     """Two loops that listen to each other; the fast one has a sensor and a wire."""
     journal, outside = [], Recorder()
     a, b = Relay("a", "/b", "/a", journal), Relay("b", "/a", "/b", journal)
@@ -79,7 +79,7 @@ def build(fast=(2, 1), slow=(10, 6), every=1, key_frame_ns=10**9):
         Loop("fast", int(fast[0] * MS), int(fast[1] * MS), 80, (sensor,), (a.input,), (Scheduled(a),), (wire,)),
         Loop("slow", int(slow[0] * MS), int(slow[1] * MS), 60, (), (b.input,), (Scheduled(b, every),), ()),
     )
-    executor = Lockstep(loops, {"/sensor": outside}, {"/a": outside}, outside, outside, key_frame_ns)
+    executor = Lockstep(loops, {"/sensor": outside}, {"/a": outside}, outside, outside, key_frame_ns, start_ns=start_ns)
     return executor, journal, outside
 
 
@@ -125,6 +125,13 @@ def test_a_result_is_seen_from_release_plus_budget_on(fast_ms, fast_budget, slow
         # at the same instant the loop that is listed first runs first
         due = [t for t in released if t + budget * MS <= now_ns and (t < now_ns or name == "b")]
         assert seen_ns == (due[-1] if due else 0)
+
+
+def test_a_run_that_begins_later_counts_its_ticks_from_there():
+    executor, journal, _ = build(start_ns=30 * MS)
+    executor.run(60 * MS, never)
+    expected = [(t, "a") for t in range(30 * MS, 60 * MS, 2 * MS)] + [(t, "b") for t in range(30 * MS, 60 * MS, 10 * MS)]
+    assert [row[:2] for row in journal] == sorted(expected)
 
 
 def test_loops_released_together_run_in_their_order_and_every_release_runs_once():

@@ -6,7 +6,7 @@ import pytest
 from runtime.link.topics import CMD_VEL, TAKEN
 from runtime.messages.twist import decode_twist
 from runtime.signals import OperatorEvent, Request
-from sim_bridge.ros_outlet import TYPES, operator_message
+from sim_bridge.ros_messages import TYPES, operator_message
 
 
 @pytest.mark.parametrize("request_", Request)
