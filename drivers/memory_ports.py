@@ -3,16 +3,42 @@
 
 from __future__ import annotations
 
-from drivers.bus_health import heed_errors
-from drivers.can_frame import as_frames
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from drivers.bus_health import BusHealth, heed_errors
+from drivers.can_frame import Frames, as_frames
 from drivers.frame_batch import FrameBatch, content, fill
-from drivers.memory_bus import End, MemoryBus
+from drivers.memory_bus import End, Received
+
+
+class Buses(Protocol):
+    """Buses in virtual time, as of `MemoryBus`."""
+
+    @property
+    def health(self) -> Sequence[BusHealth]:
+        """Of each bus."""
+
+    def send(self, end: End, bus: npt.NDArray[np.uint8], frames: Frames, at_ns: int) -> None:
+        """Queue frames."""
+
+    def receive(self, end: End, until_ns: int, limit: int | None = None) -> Received:
+        """Take what has arrived at an end."""
+
+    def lost(self, end: End) -> int:
+        """Frames lost for lack of room."""
+
+    def waiting(self, end: End) -> list[int]:
+        """Bus of each frame that waits to be received."""
 
 
 class MemoryReader:
     """Fills a batch with the frames that reached the controller."""
 
-    def __init__(self, bus: MemoryBus) -> None:
+    def __init__(self, bus: Buses) -> None:
         self._bus = bus
         self._any_backlog = False
 
@@ -40,7 +66,7 @@ class MemoryReader:
 class MemoryWriter:
     """Sends the frames of a batch from the controller."""
 
-    def __init__(self, bus: MemoryBus) -> None:
+    def __init__(self, bus: Buses) -> None:
         self._bus = bus
 
     def write(self, record: FrameBatch, now_ns: int) -> None:

@@ -91,6 +91,7 @@ class Fault(IntFlag):
     MOVED_LOCALIZATION = 1 << 25
     MISSING_REPLY = 1 << 26
     STUCK_STEERING = 1 << 27
+    STOOD_STILL = 1 << 28
 
 
 class Request(IntEnum):
@@ -155,6 +156,9 @@ class LoopTiming(Record):
     overruns = uint32("", "ticks since start before which whole periods were skipped")
     skipped = uint32("", "periods skipped since start")
     overruns_in_a_row = uint32("", "ticks up to this one, each of which had periods skipped before it")
+    gap_ns = int64(
+        "ns", "since the tick before, suspensions of the computer included; 0 unless that is over two periods"
+    )
 
 
 class Imu(Record):

@@ -41,43 +41,36 @@ class Outcome(NamedTuple):
 
 def try_fault(number: int, seeds: Sequence[int]) -> Outcome:
     """Try one row of the table at the phases that the seeds choose."""
-    from runtime.robots import load_configuration
-    from runtime.robots.uslgo1.config import Uslgo1Config
-    from sim_bridge.faults.table import ROWS
-    from sim_bridge.faults.trial import attempt, flaws
+    from sim_bridge.faults.virtual_campaign import ALL_ROWS, configuration_of, tried
 
-    row = ROWS[number]
-    config = load_configuration("uslgo1", row.settings)
-    assert isinstance(config, Uslgo1Config)
-    trials = [attempt(row, seed) for seed in seeds]
+    row = ALL_ROWS[number]
+    trials, flaws = zip(*(tried(row, seed) for seed in seeds), strict=True)
     different = [trial for trial in trials if trial.answer != row.answer]
-    tried = zip(seeds, trials, strict=True)
-    found = [f"seed {seed}: {flaw}" for seed, trial in tried for flaw in flaws(row, trial, config)]
     return Outcome(
         row.name,
         ", ".join(row.answer),
         ", ".join((different or trials)[0].answer),
-        row.bound_ns(config) * 1e-6,
+        row.bound_ns(configuration_of(row)) * 1e-6,
         max(trial.time_ns for trial in trials) * 1e-6,
         all(trial.joints_kept for trial in trials),
-        tuple(found),
+        tuple(f"seed {seed}: {flaw}" for seed, found in zip(seeds, flaws, strict=True) for flaw in found),
     )
 
 
 def run_faults(phases: int) -> int:
     """Try every fault at some phases of the gait and print the table; 1 if anything is not as it is to be."""
     from runtime.cli.console import print_table, progress_bar
-    from sim_bridge.faults.table import ROWS
+    from sim_bridge.faults.virtual_campaign import ALL_ROWS
 
     context = multiprocessing.get_context("spawn")
-    workers = min(len(ROWS), os.cpu_count() or 1)
+    workers = min(len(ALL_ROWS), os.cpu_count() or 1)
     with (
         progress_bar("faults") as progress,
         concurrent.futures.ProcessPoolExecutor(workers, mp_context=context) as pool,
     ):
-        running = [pool.submit(try_fault, number, range(phases)) for number in range(len(ROWS))]
+        running = [pool.submit(try_fault, number, range(phases)) for number in range(len(ALL_ROWS))]
         for done, _ in enumerate(concurrent.futures.as_completed(running), start=1):
-            progress(done, len(ROWS))
+            progress(done, len(ALL_ROWS))
         outcomes = [trial.result() for trial in running]
     title = f"Faults, each at {phases} random phase{'' if phases == 1 else 's'} of the trot"
     print_table(title, HEADER, [_row(outcome) for outcome in outcomes])

@@ -10,12 +10,13 @@ from contextlib import contextmanager
 
 @contextmanager
 def collector_paused() -> Iterator[None]:
-    """Without the cyclic garbage collector; steps leave no cycles behind."""
-    was_enabled = gc.isenabled()
+    """Without the cyclic garbage collector; steps leave no cycles behind. Within another such, nothing changes."""
+    if not gc.isenabled():
+        yield
+        return
     gc.collect()
     gc.disable()
     try:
         yield
     finally:
-        if was_enabled:
-            gc.enable()
+        gc.enable()

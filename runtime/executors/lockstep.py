@@ -46,6 +46,7 @@ class Lockstep:
         delays: of the steps. Results that are late leave when they are done, and a step that takes longer than the
             period has the loop skip whole periods, exactly as in real time.
         start_ns: release of the first ticks.
+        suspended: gives for how long the world went on without the loops.
 
     Attributes:
         manifest: of the datagrams.
@@ -62,6 +63,7 @@ class Lockstep:
         key_frame_ns: int = 1_000_000_000,
         delays: Delays = no_delay,
         start_ns: int = 0,
+        suspended: Callable[[], int] = lambda: 0,
     ) -> None:
         self.manifest = manifest_of(tuple(loops))
         self._runs = connected(loops, self.manifest, key_frame_ns, input_ports, sink)
@@ -69,7 +71,7 @@ class Lockstep:
         self._departures: list[tuple[int, int, Record, bytes]] = []
         self._scratch = {record.topic: record.like() for loop in loops for record in loop.port_outputs}
         self._departure_count = 0
-        self._delays, self._start_ns = delays, start_ns
+        self._delays, self._start_ns, self._suspended = delays, start_ns, suspended
         self.compute_ns: dict[str, list[int]] = {loop.name: [] for loop in loops}
 
     def run(self, until_ns: int, stop: Callable[[int], bool]) -> int:
@@ -100,7 +102,7 @@ class Lockstep:
         done_ns = now_ns + self._delays(loop.name, run.index)
         visible_ns = max(done_ns, now_ns + loop.budget_ns)
         tick.release_ns, tick.late = now_ns, done_ns > now_ns + loop.budget_ns
-        run.step(now_ns)
+        run.step(now_ns, now_ns + self._suspended())
         self.compute_ns[loop.name].append(tick.compute_ns)
         run.publish(visible_ns)
         for record in loop.port_outputs:

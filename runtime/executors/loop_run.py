@@ -89,7 +89,7 @@ class LoopRun:
         self.index = 0
         self.tick: Tick = tick_record(loop)
         self.mailboxes = [Mailbox(record) for record in loop.receives]
-        self._timing = TimingPort()
+        self._timing = TimingPort(loop.period_ns)
         self._inputs = [
             (record, self._timing if isinstance(record, LoopTiming) else input_ports[record.topic])
             for record in loop.port_inputs
@@ -112,10 +112,15 @@ class LoopRun:
             if mailbox.target.topic in written:
                 self._subscribers.setdefault(mailbox.target.topic, []).append(mailbox)
 
-    def step(self, now_ns: int) -> None:
-        """Read the ports, receive, and step the tasks that are due."""
+    def step(self, now_ns: int, boot_ns: int) -> None:
+        """Read the ports, receive, and step the tasks that are due.
+
+        Args:
+            now_ns: the present.
+            boot_ns: the same by the clock that goes on while the computer is suspended.
+        """
         tick = self.tick
-        self._timing.begin(tick.skipped)
+        self._timing.begin(tick.skipped, boot_ns)
         self._read = [record for record, port in self._inputs if port.read(record, now_ns)]
         self._lasting.update((record.topic, record) for record in self._read)
         tick.consumed = [mailbox.deliver(now_ns) for mailbox in self.mailboxes]

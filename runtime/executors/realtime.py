@@ -157,7 +157,7 @@ class RealTime:
             self._sleep(run, alarm)
             now_ns = time.monotonic_ns()
             tick.wake_latency_ns = now_ns - tick.release_ns
-            run.step(now_ns)
+            run.step(now_ns, time.clock_gettime_ns(time.CLOCK_BOOTTIME))
             done_ns = time.monotonic_ns()
             for record, port in outputs:
                 port.write(record, done_ns)

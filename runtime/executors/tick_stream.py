@@ -18,6 +18,7 @@ from pathlib import Path
 from drivers.seqpacket import listen
 from runtime.errors import UgvError
 from runtime.executors.linux import send_at_once
+from runtime.executors.loop_run import TickSink
 
 RECORDER_SOCKET, LINK_SOCKET, OBSERVER_SOCKET = "recorder.sock", "link.sock", "observer.sock"
 """Socket files in the runtime directory of those who may listen."""
@@ -88,7 +89,7 @@ class TickStream:
 class TickStreams:
     """Several streams as one sink; the first is the one whose drops are told."""
 
-    def __init__(self, first: TickStream, *others: TickStream) -> None:
+    def __init__(self, first: TickSink, *others: TickSink) -> None:
         self._streams = (first, *others)
 
     @property

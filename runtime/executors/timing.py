@@ -14,14 +14,31 @@ def next_tick(index: int, start_ns: int, period_ns: int, now_ns: int) -> tuple[i
 
 
 class TimingPort:
-    """Gives a loop its own overruns, as an input port."""
+    """Gives a loop its own overruns, as an input port.
 
-    def __init__(self) -> None:
+    Args:
+        period_ns: of the loop.
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self._least_gap_ns = 2 * period_ns
         self._overruns = self._skipped = self._in_a_row = 0
+        self._boot_ns: int | None = None
+        self._gap_ns = 0
         self._news = False
 
-    def begin(self, skipped: int) -> None:
-        """Note a tick before which so many periods were skipped."""
+    def begin(self, skipped: int, boot_ns: int) -> None:
+        """Note a tick.
+
+        Args:
+            skipped: periods before it that were skipped.
+            boot_ns: its time by the clock that goes on while the computer is suspended; the monotonic one stands still
+                then, so that nothing is skipped.
+        """
+        before_ns, self._boot_ns = self._boot_ns, boot_ns
+        gap_ns = 0 if before_ns is None or boot_ns - before_ns <= self._least_gap_ns else boot_ns - before_ns
+        self._news |= gap_ns != self._gap_ns
+        self._gap_ns = gap_ns
         if skipped:
             self._overruns, self._skipped = self._overruns + 1, self._skipped + skipped
             self._in_a_row += 1
@@ -37,5 +54,5 @@ class TimingPort:
             return False
         self._news = False
         record.overruns, record.skipped = self._overruns, self._skipped
-        record.overruns_in_a_row = self._in_a_row
+        record.overruns_in_a_row, record.gap_ns = self._in_a_row, self._gap_ns
         return True

@@ -92,5 +92,6 @@ class EventOutlet:
         record = self._record
         record.stamp_ns, record.source, record.priority = event.stamp_ns, event.source, event.priority
         record.request, record.motion, record.velocity = event.request, event.motion, event.velocity
-        self._write(record)
         self.written += 1
+        record.sequence = self.written  # two may have come at the same time
+        self._write(record)

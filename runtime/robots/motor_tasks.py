@@ -5,20 +5,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.can_frame import as_frames
+from drivers.can_frame import FRAME_SIZE, as_frames
 from drivers.joint_group import REJECTED, Counter, JointGroup, Readings
-from runtime.records import Record, uint32_array
+from runtime.records import Record, uint32, uint32_array
 from runtime.robots.fresh_frames import NEVER_OLD_NS
 from runtime.signals import CanFrames, JointCommand, JointState, Mode, OperatorRequest, SafetyStatus
 from runtime.tasks import Task
 
 COUNTERS = len(Counter)
+DAMPED_EVERY = 4
+"""Of the ticks in which a robot that is off switches its drives on, the first and every so many more: what a drive was
+told before it let go is not to come to life again. In each, frames and replies would be more than a bus can carry."""
 
 
 class CounterMemory(Record):
     """A joint group's counters, indexed by `drivers.joint_group.Counter`."""
 
     counters = uint32_array(COUNTERS)
+
+
+class EncodeMemory(CounterMemory):
+    """What the encoder must remember."""
+
+    enabling = uint32("", "ticks in a row in which the drives were switched on")
 
 
 class DecodeTask(Task):
@@ -73,17 +82,20 @@ class EncodeTask(Task):
         self._group, self._command, self._status, self._operator = group, command, status, operator
         self._output = output
         self.reads, self.writes = (command, status, operator), (output,)
-        self.state: CounterMemory = CounterMemory("/ugv/state/encode")
+        self.state: EncodeMemory = EncodeMemory("/ugv/state/encode")
         group.counters = self.state.counters
-        self._count = len(group.joints)
-        output.bus[: self._count] = group.bus
+        output.bus[: 2 * group.bus.size] = np.tile(group.bus, 2)
 
     def step(self, now_ns: int) -> None:
         """One tick; see `Task`."""
-        group, command, output = self._group, self._command, self._output
+        group, command, output, memory = self._group, self._command, self._output, self.state
         if self._status.mode == Mode.OFF or (self._status.mode == Mode.DAMPED and self._operator.reset):
             data = group.enable_frames().view(np.uint8)
+            if memory.enabling % DAMPED_EVERY == 0:
+                data = np.concatenate([group.encode_damping().view(np.uint8), data])
+            memory.enabling += 1
         else:
+            memory.enabling = 0
             group.encode(
                 command.position,
                 command.velocity,
@@ -94,7 +106,7 @@ class EncodeTask(Task):
                 now_ns,
             )
             data = group.data
-        output.stamp_ns, output.count = now_ns, self._count
+        output.stamp_ns, output.count = now_ns, data.size // FRAME_SIZE
         output.data[: data.shape[0]] = data
 
 

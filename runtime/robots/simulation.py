@@ -65,7 +65,7 @@ class SimulationConfig(WorldConfig, frozen=True, forbid_unknown_fields=True):
     no_load_speed_radps: Positive = 25.0
     encoder_counts: PositiveInt = 16384
     velocity_noise_radps: NonNegative = 0.02
-    command_timeout_ns: PositiveInt = 25_000_000
+    command_timeout_ns: PositiveInt = 20_000_000
     timeout_damping_nms_prad: NonNegative = 3.0
     ambient_degc: float = 25.0
     heating_k_ps_pnm2: NonNegative = 0.002

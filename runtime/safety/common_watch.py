@@ -112,6 +112,12 @@ def loop_faults(config: CommonSafetyConfig, memory: WatchMemory, timing: LoopTim
 
 
 @compiled
+def standstill_faults(config: CommonSafetyConfig, timing: LoopTiming) -> int:
+    """A time without commands, after which actuators have let go by themselves."""
+    return Fault.STOOD_STILL.value if timing.gap_ns > config.gap_max_ns else 0
+
+
+@compiled
 def operator_faults(config: CommonSafetyConfig, operator: OperatorRequest, now_ns: int) -> int:
     """An operator that is silent, and nobody who holds the lease."""
     found = 0

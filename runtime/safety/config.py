@@ -30,7 +30,9 @@ class CommonSafetyConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
         disputed_poses_max: as it does when more poses in a row agree with each other but not with the estimate.
         overruns_stand: as it does at so many overruns of the loop in a row, and
         overruns_stand_ns: for at least so long.
-        overruns_damp: at so many overruns in a row it is damped.
+        overruns_damp: at so many overruns in a row it is damped,
+        gap_max_ns: and at once when the loop stood still for longer: its actuators have let go by themselves, and the
+            robot is no longer as it was.
     """
 
     tilt_max_rad: Annotated[float, Meta(gt=0.1, le=1.5)] = 1.0
@@ -46,6 +48,7 @@ class CommonSafetyConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     overruns_stand: Annotated[int, Meta(ge=1, le=100)] = 3
     overruns_stand_ns: Age = 2_000_000_000
     overruns_damp: Annotated[int, Meta(ge=1, le=100)] = 5
+    gap_max_ns: Age = 20_000_000
 
     def check(self) -> None:
         """Cross-checks.

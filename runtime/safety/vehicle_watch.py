@@ -26,6 +26,7 @@ from runtime.safety.common_watch import (
     inertial_faults,
     loop_faults,
     operator_faults,
+    standstill_faults,
 )
 from runtime.safety.vehicle_config import VehicleSafetyConfig
 from runtime.signals import Battery, BusStatus, Fault, Imu, LoopTiming, Mode, OperatorRequest
@@ -99,6 +100,7 @@ def vehicle_faults(
     found |= command_faults(config, memory, inputs.twist[0], inputs.command[0], now_ns)
     if powered:
         found |= operator_faults(config, inputs.operator[0], now_ns)
+        found |= standstill_faults(config, inputs.timing[0])
     if inputs.operator[0].emergency_stop:
         found |= Fault.EMERGENCY_STOP.value
     return found

@@ -21,6 +21,7 @@ from runtime.safety.common_watch import (
     inertial_faults,
     loop_faults,
     operator_faults,
+    standstill_faults,
 )
 from runtime.safety.config import SafetyConfig
 from runtime.safety.limits import is_finite
@@ -101,6 +102,7 @@ def faults(
     found |= position_faults(config, memory, low, high, joints, inputs.posture[0].stance, powered)
     if powered:
         found |= operator_faults(config, inputs.operator[0], now_ns)
+        found |= standstill_faults(config, inputs.timing[0])
     if inputs.operator[0].emergency_stop:
         found |= Fault.EMERGENCY_STOP.value
     if not is_finite(inputs.command[0]):

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from drivers.can_frame import FRAME_SIZE
@@ -15,20 +16,21 @@ class CommandAges:
 
     Args:
         bus: whose far end is looked at from now on.
+        ahead_ns: by how much the clock of the buses is ahead of that which stamps the commands.
 
     Attributes:
         oldest_ns: age of the oldest command at its arrival.
     """
 
-    def __init__(self, bus: MemoryBus) -> None:
-        self.oldest_ns = 0
+    def __init__(self, bus: MemoryBus, ahead_ns: Callable[[], int] = lambda: 0) -> None:
+        self.oldest_ns, self._ahead_ns = 0, ahead_ns
         self._stamps: dict[tuple[int, bytes], int] = {}
         self._receive = bus.receive
         bus.receive = self._received  # type: ignore[method-assign]
 
     def noted(self, port: OutputPort) -> OutputPort:
         """The port, whose commands are noted before it sees them."""
-        return _Noted(port, self._stamps)
+        return _Noted(port, self._stamps, self._ahead_ns)
 
     def _received(self, end: End, until_ns: int, limit: int | None = None) -> Received:
         received = self._receive(end, until_ns, limit)
@@ -40,11 +42,11 @@ class CommandAges:
 
 
 class _Noted:
-    def __init__(self, port: OutputPort, stamps: dict[tuple[int, bytes], int]) -> None:
-        self._port, self._stamps = port, stamps
+    def __init__(self, port: OutputPort, stamps: dict[tuple[int, bytes], int], ahead_ns: Callable[[], int]) -> None:
+        self._port, self._stamps, self._ahead_ns = port, stamps, ahead_ns
 
     def write(self, record: Any, now_ns: int) -> None:
-        data = record.data.tobytes()
+        data, stamp_ns = record.data.tobytes(), int(record.stamp_ns) + self._ahead_ns()
         for place, bus in enumerate(record.bus[: record.count].tolist()):
-            self._stamps[bus, data[FRAME_SIZE * place : FRAME_SIZE * (place + 1)]] = int(record.stamp_ns)
+            self._stamps[bus, data[FRAME_SIZE * place : FRAME_SIZE * (place + 1)]] = stamp_ns
         self._port.write(record, now_ns)

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -62,6 +63,30 @@ class Row:
     settings: dict[str, str] = field(default_factory=dict)
 
 
+class Expectation(Protocol):
+    """What is to come of a fault; see `Row`."""
+
+    @property
+    def answer(self) -> tuple[str, ...]:
+        """What the robot is to do, in order."""
+
+    @property
+    def bound_ns(self) -> Callable[[Uslgo1Config], int]:
+        """How soon the last of it is to be reached."""
+
+    @property
+    def fault(self) -> Fault:
+        """Bits by which it is to be named."""
+
+    @property
+    def counted(self) -> tuple[str, str] | None:
+        """Topic and field of what is to be counted."""
+
+    @property
+    def forced(self) -> bool:
+        """Whether a force from outside may take the joints beyond their limits."""
+
+
 class Trial(NamedTuple):
     """What came of one.
 
@@ -86,7 +111,7 @@ class Trial(NamedTuple):
     fell: bool
 
 
-def flaws(row: Row, trial: Trial, config: Uslgo1Config) -> list[str]:
+def flaws(row: Expectation, trial: Trial, config: Uslgo1Config) -> list[str]:
     """In what a trial differs from what it is to be."""
     found = []
     if trial.answer != row.answer:
@@ -132,7 +157,7 @@ def attempt(row: Row, seed: int, out: Path | None = None) -> Trial:
     if out is not None:
         recorder = _Recorder(out, recording_setup(robot.loops, robot.name, dump(config), seed, robot.joint_names))
     ages = CommandAges(wired.bus)
-    watch = _Watch(row, config, wired.robot, wires, begin_ns)
+    watch = Watch(row, config, wired.robot, wired.world, begin_ns)
     executor = Lockstep(
         wired.robot.loops,
         wired.inputs,
@@ -142,7 +167,14 @@ def attempt(row: Row, seed: int, out: Path | None = None) -> Trial:
         delays=wires.delay,
     )
     limit_ns = begin_ns + row.bound_ns(config) + min(row.lasts_ns, 4_000_000_000) + 1_500_000_000
-    executor.run(limit_ns, watch.over)
+
+    def over(now_ns: int) -> bool:
+        for event in wires.events:
+            event(now_ns)
+        watch.look(now_ns)
+        return watch.over(now_ns)
+
+    executor.run(limit_ns, over)
     if recorder is not None:
         recorder.close()
     return watch.result(ages.oldest_ns)
@@ -154,13 +186,31 @@ class _Recorder(BagSink):
     dropped = 0
 
 
-class _Watch:
-    """Looks at every tick, and ends the run when there is nothing more to see."""
+class Watch:
+    """Looks at every tick, and knows when there is nothing more to see.
 
-    def __init__(self, row: Row, config: Uslgo1Config, robot: Robot, wires: Wires, begin_ns: int) -> None:
-        self._row, self._config, self._world, self._wires = row, config, wires.world, wires
+    Args:
+        row: the fault.
+        config: of the robot.
+        robot: whose signals are looked at;
+        world: and its true state.
+        begin_ns: when the fault begins.
+        others: further records that the row may count.
+    """
+
+    def __init__(
+        self,
+        row: Expectation,
+        config: Uslgo1Config,
+        robot: Robot,
+        world: QuadrupedWorld,
+        begin_ns: int,
+        others: Mapping[str, Record] = MappingProxyType({}),
+    ) -> None:
+        self._row, self._config, self._world = row, config, world
         self._begin_ns = begin_ns
         records: dict[str, Record] = {r.topic: r for loop in robot.loops for r in (*loop.port_inputs, *loop.writes)}
+        records |= others
         self._status: SafetyStatus = records[topics.SAFETY]  # type: ignore[assignment]
         self._gait: Gait = records[topics.GAIT]  # type: ignore[assignment]
         self._command: JointCommand = records[topics.JOINT_COMMAND_SAFE]  # type: ignore[assignment]
@@ -178,24 +228,25 @@ class _Watch:
         if self._counted is None:
             return 0
         record, name = self._counted
-        return int(getattr(record, name))
+        return int(np.sum(getattr(record, name)))
 
-    def over(self, now_ns: int) -> bool:
+    def look(self, now_ns: int) -> None:
         """One tick."""
-        for event in self._wires.events:
-            event(now_ns)
         status = self._status
         if status.stamp_ns == self._stamp_ns:
-            return False
+            return
         self._stamp_ns = status.stamp_ns
         if status.stamp_ns < self._begin_ns:
             self._before = self._count()
-            return False
+            return
         self._faults |= status.warning | status.fault | status.halt
         self._note(status.stamp_ns)
         self._check_joints()
         if self._row.answer[-1] in self._seen and self._end_ns == FOREVER_NS:
             self._end_ns = now_ns + LINGER_NS
+
+    def over(self, now_ns: int) -> bool:
+        """Whether the last answer has been seen, and watched for a while."""
         return now_ns >= self._end_ns
 
     def _note(self, at_ns: int) -> None:
@@ -227,11 +278,19 @@ class _Watch:
         self._joints_kept = bool(self._joints_kept and kept and (np.abs(command.effort) <= bound).all())
         self._fell = self._fell or world.tilt > self._config.safety.tilt_max_rad + 0.1
 
-    def result(self, oldest_ns: int) -> Trial:
-        """What was seen."""
+    def result(self, oldest_ns: int, released_ns: int | None = None) -> Trial:
+        """What was seen.
+
+        Args:
+            oldest_ns: age of the oldest command that reached a drive.
+            released_ns: when drives that heard nothing let go by themselves, if that was so.
+        """
+        if released_ns is not None:
+            self._seen["damp"] = min(released_ns, self._seen.get("damp", FOREVER_NS))
+            self._seen = {answer: at_ns for answer, at_ns in self._seen.items() if at_ns <= self._seen["damp"]}
         lasting = [at_ns for answer, at_ns in self._seen.items() if answer != "go on"]
         return Trial(
-            tuple(self._seen) or ("walk on",),
+            tuple(sorted(self._seen, key=self._seen.__getitem__)) or ("walk on",),
             max(lasting, default=self._begin_ns) - self._begin_ns,
             Fault(self._faults),
             self._count() - self._before,

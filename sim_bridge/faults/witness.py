@@ -7,6 +7,7 @@ It needs no log, so that it also sees a robot whose control process is gone.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,20 +29,23 @@ class Witness:
     Args:
         config: of the robot.
         world: the true robot.
+        clock: gives the present.
 
     Attributes:
-        released_ns: when no drive had more than damping in force, on the monotonic clock; None before.
+        released_ns: when no drive had more than damping in force; None before.
         joints_kept: whether angles and torques of all joints stayed within their limits until then.
         fell: whether the robot fell before.
     """
 
-    def __init__(self, config: Uslgo1Config, world: QuadrupedWorld) -> None:
+    def __init__(
+        self, config: Uslgo1Config, world: QuadrupedWorld, clock: Callable[[], int] = time.monotonic_ns
+    ) -> None:
         low, high = joint_bounds(config.safety)
         margin = config.safety.position_margin_rad
         self._low, self._high = low - margin, high + margin
         self._strongest = config.simulation.peak_torque_nm + JOINT_TOLERANCE_NM
         self._tilt = config.safety.tilt_max_rad + FALL_MARGIN_RAD
-        self._world = world
+        self._world, self._clock = world, clock
         self._heard: list[tuple[int, Received]] = []
         self.begin()
         self._watching = False
@@ -59,7 +63,7 @@ class Witness:
             return
         world = self._world
         if not world.drives.driven:
-            self.released_ns = time.monotonic_ns()
+            self.released_ns = self._clock()
             return
         angles, torques = world.joint_angles, world.drives.applied
         kept = (angles >= self._low).all() and (angles <= self._high).all()
@@ -69,7 +73,7 @@ class Witness:
     def hear(self, received: Received) -> None:
         """Note commands as they arrive."""
         if self._watching and received.bus.size:
-            self._heard.append((time.monotonic_ns(), received))
+            self._heard.append((self._clock(), received))
 
     def end(self, file: Path) -> dict[str, Any]:
         """Stop watching; gives what was seen, and leaves the commands in a file."""

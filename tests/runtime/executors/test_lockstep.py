@@ -130,7 +130,9 @@ def test_a_result_is_seen_from_release_plus_budget_on(fast_ms, fast_budget, slow
 def test_a_run_that_begins_later_counts_its_ticks_from_there():
     executor, journal, _ = build(start_ns=30 * MS)
     executor.run(60 * MS, never)
-    expected = [(t, "a") for t in range(30 * MS, 60 * MS, 2 * MS)] + [(t, "b") for t in range(30 * MS, 60 * MS, 10 * MS)]
+    expected = [(t, "a") for t in range(30 * MS, 60 * MS, 2 * MS)] + [
+        (t, "b") for t in range(30 * MS, 60 * MS, 10 * MS)
+    ]
     assert [row[:2] for row in journal] == sorted(expected)
 
 

@@ -86,9 +86,9 @@ def test_a_step_that_is_late_but_within_its_period_skips_nothing():
 
 @given(st.lists(st.integers(0, 4), max_size=60))
 def test_the_port_counts_every_skip_and_the_present_row_of_overruns(skips):
-    port, record = TimingPort(), LoopTiming("/timing")
+    port, record = TimingPort(2 * MS), LoopTiming("/timing")
     for number, skipped in enumerate(skips, 1):
-        port.begin(skipped)
+        port.begin(skipped, 0)
         before = record.to_bytes()
         news = port.read(record, 0)
         assert news == (before != record.to_bytes())
@@ -96,3 +96,25 @@ def test_the_port_counts_every_skip_and_the_present_row_of_overruns(skips):
         assert record.overruns == np.count_nonzero(skips[:number])
         row = next((i for i, skip in enumerate(reversed(skips[:number])) if skip == 0), number)
         assert record.overruns_in_a_row == row
+
+
+@given(st.lists(st.integers(0, 100 * MS), min_size=1, max_size=40))
+def test_a_gap_is_told_in_the_tick_after_it_and_only_there(gaps_ns):
+    port, record, boot_ns = TimingPort(2 * MS), LoopTiming("/timing"), 7
+    for number, gap_ns in enumerate(gaps_ns):
+        boot_ns += gap_ns
+        port.begin(0, boot_ns)
+        port.read(record, 0)
+        assert record.gap_ns == (gap_ns if number and gap_ns > 4 * MS else 0)
+
+
+def test_a_suspended_computer_skips_no_period_but_its_loop_is_told_how_long_it_was_away():
+    watch, sink, suspended_ns = Watch(), Nothing(), 0
+    loop = Loop("fast", 2 * MS, MS, 80, (watch.timing,), (), (Scheduled(watch),), ())
+    executor = Lockstep([loop], {}, {}, sink, sink, suspended=lambda: suspended_ns)
+    executor.run(20 * MS, lambda now_ns: False)
+    suspended_ns = 1000 * MS
+    executor.run(22 * MS, lambda now_ns: False)
+    assert (watch.timing.skipped, watch.timing.gap_ns) == (0, 1002 * MS)
+    executor.run(24 * MS, lambda now_ns: False)
+    assert watch.timing.gap_ns == 0

@@ -52,6 +52,14 @@ def test_a_request_leaves_at_once_with_all_it_says():
     assert record.velocity.tolist() == [0.1, 0.2, 0.3]
 
 
+def test_requests_of_the_same_moment_are_told_apart_by_their_numbers():
+    seen = []
+    way_out = EventOutlet(OperatorEvent("/event"), lambda record: seen.append(record.sequence), TICK_HZ)
+    for request in (Request.LIFE, Request.MOTION):
+        way_out.offer(Event(7, 5, 20, request), 0)
+    assert seen == [1, 2]
+
+
 def test_requests_that_come_at_once_leave_in_their_order():
     way_out, ring = outlet()
     asked = (Request.ARM, Request.MOTION, Request.RESET, Request.LIFE, Request.DISARM, Request.RELEASE)

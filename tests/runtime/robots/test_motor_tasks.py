@@ -68,6 +68,13 @@ class Rig:
         return torque
 
 
+class Nobody:
+    """Sends nothing."""
+
+    def write(self, record, now_ns):
+        pass
+
+
 def test_the_command_that_goes_in_is_the_torque_that_comes_out():
     rig, rng = Rig(), np.random.default_rng(0)
     for _ in range(30):
@@ -130,10 +137,27 @@ def test_drives_are_enabled_while_off_and_while_reset_only():
         for reset in (False, True):
             rig.operator.reset = reset
             rig.tick(mode)
-            data = as_frames(rig.sent.data)[:12]["data"]
+            data = as_frames(rig.sent.data)[rig.sent.count - 12 : rig.sent.count]["data"]
             sent[mode, reset] = {row.tobytes() for row in data} == {ENABLE}
     enabling = {key for key, value in sent.items() if value}
     assert enabling == {(Mode.OFF, False), (Mode.OFF, True), (Mode.DAMPED, True)}
+
+
+def test_what_drives_were_told_by_a_control_that_is_gone_does_not_come_to_life_when_they_are_switched_on():
+    rig = Rig()
+    rig.command.stiffness, rig.command.position = 60.0, ANGLES + 0.3
+    for _ in range(3):
+        torque = rig.tick()
+    assert (np.abs(torque) > 5.0).all()
+    writer, rig.writer = rig.writer, Nobody()
+    for _ in range(30):
+        torque = rig.tick()
+    assert not torque.any(), "they hear nothing, and let go"
+    rig.writer = writer
+    group = JointGroup(JOINTS, DIALECT, CONFIG.drives.command_age_max_ns)
+    rig.encode = EncodeTask(group, rig.command, rig.status, rig.operator, rig.sent)
+    torques = [rig.tick(Mode.OFF) for _ in range(10)]
+    assert (np.abs(torques) < 0.1).all(), "no more than a step of the velocity is worth"
 
 
 def test_damping_that_was_prepared_long_before_passes_the_gate_and_brakes_every_joint():

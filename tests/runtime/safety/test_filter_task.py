@@ -191,6 +191,7 @@ BREAK = {
     "bus flooded": (lambda rig: rig.buses.backlog.__setitem__(0, True), (), Fault.BUS),
     "bus full": (lambda rig: rig.buses.refused.__setitem__(2, 1), (), Fault.BUS),
     "overruns": (lambda rig: setattr(rig.timing, "overruns_in_a_row", 5), (), Fault.OVERRUNS | Fault.LATE_LOOP),
+    "stood still": (lambda rig: setattr(rig.timing, "gap_ns", CONFIG.gap_max_ns + 1), (), Fault.STOOD_STILL),
     "emergency stop": (lambda rig: setattr(rig.operator, "emergency_stop", True), (), Fault.EMERGENCY_STOP),
 }
 
@@ -229,6 +230,18 @@ def test_a_fault_stays_latched_when_its_cause_has_gone(name):
         assert rig.damping
         assert rig.status.mode == Mode.DAMPED
         assert rig.status.fault == fault
+
+
+def test_a_loop_that_stood_still_no_longer_than_its_drives_wait_goes_on_and_so_does_a_robot_without_power():
+    rig = Rig()
+    rig.step()
+    rig.timing.gap_ns = CONFIG.gap_max_ns
+    rig.step()
+    assert (rig.status.mode, rig.status.fault) == (Mode.ACTIVE, 0)
+    idle = Rig(mode=Mode.STANDBY)
+    idle.operator.arm, idle.timing.gap_ns = False, 10**12
+    idle.step()
+    assert (idle.status.mode, idle.status.fault) == (Mode.STANDBY, 0)
 
 
 HALT = {

@@ -245,6 +245,10 @@ def overrun(rig):
     rig.timing.overruns_in_a_row = 5
 
 
+def stand_still(rig):
+    rig.timing.gap_ns = CONFIG.gap_max_ns + 1
+
+
 def stop_all(rig):
     rig.operator.emergency_stop = True
 
@@ -265,6 +269,7 @@ GRAVE = [
     (drain, Fault.VOLTAGE, 0),
     (lose_bus, Fault.BUS, 0),
     (overrun, Fault.OVERRUNS, 0),
+    (stand_still, Fault.STOOD_STILL, 0),
     (stop_all, Fault.EMERGENCY_STOP, 0),
 ]
 

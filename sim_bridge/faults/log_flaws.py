@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the log of a fault lacks: it is to be whole up to the fault, and to go on after it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim_bridge.faults.live_logs import LiveLogs
+
+LOST_MAX_NS = 20_000_000
+"""Of the log, up to a fault."""
+WHOLE_NS = 400_000_000
+"""For how long before a fault the log is looked at; the robot has walked for longer."""
+RETURNED_NS = 300_000_000
+"""Before the end of a trial, by when ticks must be recorded again."""
+
+
+def missing_log(logs: LiveLogs, at_ns: int, until_ns: int, breaks_log: bool, ticks_on: bool = True) -> list[str]:
+    """What a log lacks.
+
+    Args:
+        logs: of the trial.
+        at_ns: when the fault struck.
+        until_ns: until when the trial was watched.
+        breaks_log: whether ticks are missing while the fault is there.
+        ticks_on: whether control is to tick at the end.
+    """
+    ticks = logs.ticks(at_ns - WHOLE_NS, at_ns)
+    if not len(ticks):
+        return ["the log lacks the time before the fault"]
+    found = []
+    gaps = np.diff(ticks["index"]) - 1 - ticks["skipped"][1:]
+    if gaps.any():
+        found.append(f"{int(gaps.sum())} ticks before the fault are missing")
+    lost_ns = at_ns - int(ticks["now_ns"][-1])
+    if lost_ns > LOST_MAX_NS:
+        found.append(f"the log lacks the last {lost_ns * 1e-6:.1f} ms before the fault")
+    after = logs.ticks(at_ns, until_ns)
+    if not breaks_log and (np.diff(after["index"]) > 1 + after["skipped"][1:]).any():
+        found.append("ticks after the fault are missing")
+    if ticks_on and not len(logs.ticks(until_ns - RETURNED_NS, until_ns)):
+        found.append("nothing is recorded any more")
+    return found
