@@ -21,7 +21,7 @@ from runtime.link.senders import SenderBook
 from runtime.link.sensor_inputs import BatteryUse, ImuUse, PoseUse, watch_scan
 from runtime.link.setup import LinkSetup
 from runtime.link.tally import Tally
-from runtime.link.topic_input import TopicInput
+from runtime.link.topic_input import TopicInput, never
 from runtime.messages import definitions, standard
 from runtime.messages.battery import decode_battery_state
 from runtime.messages.imu import decode_imu
@@ -39,6 +39,8 @@ from runtime.signals import Path as PathRecord
 from runtime.tasks import Loop
 
 _BURST_S = 0.1
+IsStale = Callable[[Any, int], bool]
+"""Whether a message that was late by so many ns is not used any more."""
 _NS_PER_SECOND = 1_000_000_000
 
 
@@ -106,26 +108,37 @@ class Inputs:
         decode = partial(decode_path, capacity=capacity + 1)  # a closed path ends with its first point
         self._add(ros.PATH, definitions.PATH, decode, path, config.path_rate_max_hz)
         rate_hz = config.operator_rate_max_hz
+
+        def late(message: Any, late_ns: int) -> bool:
+            return late_ns > config.request_late_max_ns
+
         self._add(ros.PATH_SPEED, definitions.FLOAT64, standard.decode_float64, path.set_speed, rate_hz)
         for topic, priority in ((ros.CMD_VEL, config.cmd_vel_priority), (ros.TELEOP, config.teleop_priority)):
             for name, decoder in (
                 (definitions.TWIST, decode_twist),
                 (definitions.TWIST_STAMPED, decode_twist_stamped),
             ):
-                self._add(topic, name, decoder, VelocityUse(config, self.outlet.offer, priority), rate_hz)
-        self._add_requests(RequestUse(self.outlet.offer, config.operator_priority), rate_hz)
+                self._add(topic, name, decoder, VelocityUse(config, self.outlet.offer, priority), rate_hz, late)
+        self._add_requests(RequestUse(self.outlet.offer, config.operator_priority), rate_hz, late)
 
-    def _add_requests(self, use: RequestUse, rate_hz: float) -> None:
+    def _add_requests(self, use: RequestUse, rate_hz: float, late: IsStale) -> None:
+        """What withdraws something is used however late it is."""
+
+        def late_arm(armed: bool, late_ns: int) -> bool:
+            return armed and late(armed, late_ns)
+
         self._add(ros.E_STOP, definitions.BOOL, standard.decode_bool, use.emergency_stop, None)
-        self._add(ros.ARM, definitions.BOOL, standard.decode_bool, use.arm, rate_hz)
-        self._add(ros.MOTION, definitions.STRING, standard.decode_string, use.motion, rate_hz)
-        plain = {ros.RESET: Request.RESET, ros.HEARTBEAT: Request.LIFE, ros.RELEASE: Request.RELEASE}
-        for topic, request in plain.items():
-            self._add(topic, definitions.EMPTY, standard.decode_empty, use.plain(request), rate_hz)
+        self._add(ros.ARM, definitions.BOOL, standard.decode_bool, use.arm, rate_hz, late_arm)
+        self._add(ros.MOTION, definitions.STRING, standard.decode_string, use.motion, rate_hz, late)
+        self._add(ros.RESET, definitions.EMPTY, standard.decode_empty, use.plain(Request.RESET), rate_hz, late)
+        self._add(ros.HEARTBEAT, definitions.EMPTY, standard.decode_empty, use.plain(Request.LIFE), rate_hz, late)
+        self._add(ros.RELEASE, definitions.EMPTY, standard.decode_empty, use.plain(Request.RELEASE), rate_hz)
 
-    def _add(self, topic: str, type_name: str, decode: Any, use: Any, rate_hz: float | None) -> None:
+    def _add(
+        self, topic: str, type_name: str, decode: Any, use: Any, rate_hz: float | None, is_stale: IsStale = never
+    ) -> None:
         gate = None if rate_hz is None else partial(RateGate, rate_hz, max(1, round(rate_hz * _BURST_S)))
-        taker: TopicInput[Any] = TopicInput(topic, decode, use, gate, self.tally, self.senders, self._clock)
+        taker: TopicInput[Any] = TopicInput(topic, decode, use, gate, self.tally, self.senders, self._clock, is_stale)
         self._topics.append((topic, type_name, taker))
 
     def subscribe(self, session: Session) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from runtime.link.clocks import Instant, instant
+from runtime.link.lateness import Lateness
 from runtime.link.rate_gate import RateGate
 from runtime.link.senders import SenderBook, number_of
 from runtime.link.tally import Tally
@@ -18,6 +19,11 @@ Message = TypeVar("Message")
 _MOST_PUBLISHERS, _FORGOTTEN_NS = 32, 10_000_000_000
 _LARGEST_GAP = 1_000_000
 """A larger jump of the numbers is not a loss but a publisher that counts in another way."""
+
+
+def never(message: object, late_ns: int) -> bool:
+    """A message is used however late it is."""
+    return False
 
 
 class TopicInput(Generic[Message]):
@@ -32,6 +38,7 @@ class TopicInput(Generic[Message]):
         tally: counts.
         senders: whose the publishers are.
         clock: gives the present.
+        is_stale: whether a message that was late by so many ns is not used any more.
     """
 
     def __init__(
@@ -43,10 +50,11 @@ class TopicInput(Generic[Message]):
         tally: Tally,
         senders: SenderBook,
         clock: Callable[[], Instant] = instant,
+        is_stale: Callable[[Message, int], bool] = never,
     ) -> None:
         self.topic = topic
         self._decode, self._use, self._make_gate = decode, use, make_gate
-        self._tally, self._senders, self._clock = tally, senders, clock
+        self._tally, self._senders, self._clock, self._is_stale = tally, senders, clock, is_stale
         self._unknown = number_of(topic)
         self._publishers: dict[bytes, _Publisher] = {}
         self._crowd = self._new()
@@ -57,8 +65,11 @@ class TopicInput(Generic[Message]):
         now = self._clock()
         with self._lock:
             try:
-                source = self._admit(attachment, now)
-                self._use(self._decode(payload), source, now)
+                source, late_ns = self._admit(attachment, now)
+                message = self._decode(payload)
+                if self._is_stale(message, late_ns):
+                    raise MessageError("the message was too long on its way")
+                self._use(message, source, now)
             except MessageError as error:
                 self.refuse(str(error))
             except Exception as error:  # ours, not the sender's: told as such, and the other topics go on
@@ -70,9 +81,12 @@ class TopicInput(Generic[Message]):
         """Count a message that is not used."""
         self._tally.reject(self.topic, reason)
 
-    def _admit(self, data: bytes, now: Instant) -> int:
-        """Who sent a message, if it may be read; one whose attachment cannot be read may be an e-stop, and is."""
-        attachment = None
+    def _admit(self, data: bytes, now: Instant) -> tuple[int, int]:
+        """Who sent a message, and how late it is, ns, if it may be read.
+
+        One whose attachment cannot be read may be an e-stop, and is; how late it is cannot be known.
+        """
+        attachment, late_ns = None, 0
         if data:
             try:
                 attachment = parse_attachment(data)
@@ -81,11 +95,12 @@ class TopicInput(Generic[Message]):
         publisher = self._publisher(b"" if attachment is None else attachment.gid, now.monotonic_ns)
         if attachment is not None and publisher is not self._crowd:
             self._tally.miss(self.topic, publisher.missing(attachment.sequence))
+            late_ns = publisher.lateness.of(attachment.sent_ns, now.monotonic_ns)
         if publisher.gate is not None and not publisher.gate.passes(now.monotonic_ns):
             raise MessageError("more messages than are read")
         if attachment is None:
-            return self._unknown
-        return self._senders.source(self.topic, attachment.gid, attachment.source)
+            return self._unknown, late_ns
+        return self._senders.source(self.topic, attachment.gid, attachment.source), late_ns
 
     def _publisher(self, gid: bytes, now_ns: int) -> _Publisher:
         """What is kept of a publisher; while too many are heard, newcomers are bounded together."""
@@ -110,10 +125,11 @@ class _Publisher:
     Attributes:
         gate: bounds the messages that are read of it.
         heard_ns: when it was last heard.
+        lateness: of its messages.
     """
 
     def __init__(self, gate: RateGate | None) -> None:
-        self.gate, self.heard_ns = gate, 0
+        self.gate, self.heard_ns, self.lateness = gate, 0, Lateness()
         self._last: int | None = None
 
     def missing(self, sequence: int) -> int:

@@ -32,6 +32,8 @@ class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         path_speed_max_mps: a higher one is rejected.
         imu_age_max_ns, localization_age_max_ns, battery_age_max_ns, velocity_age_max_ns, path_age_max_ns: an older
             message is rejected when it arrives.
+        request_late_max_ns: what an operator asks for is rejected if it was longer on its way than other messages of
+            its publisher by more than this; what stops, disarms or releases is not.
         future_max_ns: a message that is stamped further ahead is rejected; one that is less ahead counts as of now.
         imu_rate_max_hz, localization_rate_max_hz, scan_rate_max_hz, battery_rate_max_hz, path_rate_max_hz,
             operator_rate_max_hz: more messages of a topic are rejected unread, a tenth of a second's worth at once
@@ -64,6 +66,7 @@ class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     battery_age_max_ns: Age = 5_000_000_000
     velocity_age_max_ns: Age = 500_000_000
     path_age_max_ns: Age = 60_000_000_000
+    request_late_max_ns: Age = 500_000_000
     future_max_ns: Age = 20_000_000
     imu_rate_max_hz: Rate = 2000
     localization_rate_max_hz: Rate = 200

@@ -13,7 +13,19 @@ from runtime.signals import Fault
 from sim_bridge.faults import operator
 from sim_bridge.faults.computer import CONTROL, LINK, OPERATOR, RECORDER, Computer
 from sim_bridge.faults.computer_trial import ComputerRow, Inject
-from sim_bridge.faults.table import CROUCH, DAMP, MS, PAUSE, WALK_ON, at_once, crouched, imu_stale, lease_over, stood
+from sim_bridge.faults.table import (
+    CROUCH,
+    DAMP,
+    MS,
+    PAUSE,
+    STAND,
+    WALK_ON,
+    at_once,
+    crouched,
+    imu_stale,
+    lease_over,
+    stood,
+)
 from sim_bridge.faults.wires import Wires
 from sim_bridge.ros_messages import TYPES
 
@@ -89,6 +101,13 @@ def recorder_killed(computer: Computer, wires: Wires, begin_ns: int, end_ns: int
 def partitioned(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
     """Nothing comes from the operator; then all at once, and the operator asks to walk again."""
     operator.walks_again(wires, end_ns)
+    wires.once(begin_ns, partial(computer.network.cut, OPERATOR))
+    wires.once(end_ns, partial(computer.network.mend, OPERATOR))
+
+
+def partitioned_while_asked(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+    """What the operator asks for while nothing comes through arrives when nobody expects it any more."""
+    operator.walks_again(wires, (begin_ns + end_ns) // 2)
     wires.once(begin_ns, partial(computer.network.cut, OPERATOR))
     wires.once(end_ns, partial(computer.network.mend, OPERATOR))
 
@@ -188,6 +207,16 @@ COMPUTER_ROWS = (
         3 * SECOND_NS,
         2500 * MS,
         Fault.NO_LEASE,
+    ),
+    ComputerRow(
+        "operator partitioned, and asks",
+        partitioned_while_asked,
+        STAND,
+        stood(lease_over),
+        3 * SECOND_NS,
+        1500 * MS,
+        Fault.NO_LEASE,
+        (STATUS, "rejected"),
     ),
     ComputerRow("subscribers flood", flooded, WALK_ON, at_once, 2 * SECOND_NS, SECOND_NS),
     ComputerRow("malformed messages", malformed_messages, WALK_ON, at_once, 500 * MS, counted=(STATUS, "rejected")),

@@ -19,7 +19,7 @@ from runtime.link.rate_gate import RateGate
 from runtime.link.senders import SenderBook, number_of
 from runtime.link.sensor_inputs import BatteryUse, ImuUse, PoseUse
 from runtime.link.tally import Tally
-from runtime.link.topic_input import TopicInput
+from runtime.link.topic_input import TopicInput, never
 from runtime.messages.attachment import Attachment
 from runtime.messages.battery import BatteryReport
 from runtime.messages.errors import MessageError
@@ -35,7 +35,7 @@ NOW = Instant(5_000_000_000, 1_700_000_000_000_000_000)
 CONFIG = LinkConfig()
 CAPACITY = 5
 TURN = (0.0, 0.0, 0.6, 0.8)
-TRUE = b"\0\1\0\0\1"
+TRUE, FALSE = b"\0\1\0\0\1", b"\0\1\0\0\0"
 
 
 def instants(step_ns: int = 2_000_000):
@@ -250,18 +250,20 @@ def test_a_velocity_that_cannot_be_used_is_refused(changes, reason):
 class Topic:
     """A topic with flags, and what was used of it."""
 
-    def __init__(self, rate_hz: float | None = None, burst: int = 3) -> None:
+    def __init__(self, rate_hz: float | None = None, burst: int = 3, is_stale=never, step_ns: int = 0) -> None:
         self.used: list[tuple[bool, int]] = []
         self.tally = Tally()
-        clock = instants(0)
+        clock = instants(step_ns)
         gate = None if rate_hz is None else lambda: RateGate(rate_hz, burst)
-        self.input = TopicInput("/arm", decode_bool, self._use, gate, self.tally, SenderBook(), lambda: next(clock))
+        self.input = TopicInput(
+            "/arm", decode_bool, self._use, gate, self.tally, SenderBook(), lambda: next(clock), is_stale
+        )
 
     def _use(self, flag: bool, source: int, now: Instant) -> None:
         self.used.append((flag, source))
 
-    def send(self, sequence: int, gid: int = 1, payload: bytes = TRUE) -> None:
-        self.input.receive(payload, Attachment(sequence, 0, gid.to_bytes(16, "little")).to_bytes())
+    def send(self, sequence: int, gid: int = 1, payload: bytes = TRUE, sent_ns: int = 0) -> None:
+        self.input.receive(payload, Attachment(sequence, sent_ns, gid.to_bytes(16, "little")).to_bytes())
 
 
 def test_what_arrives_is_used_and_counted():
@@ -277,6 +279,20 @@ def test_what_arrives_is_used_and_counted():
         "the message ends too early": 1,
         "the attachment has another length than rmw_zenoh's; used as from an unknown sender": 1,
     }
+
+
+def test_a_message_that_was_too_long_on_its_way_is_counted_and_not_used():
+    topic = Topic(is_stale=lambda flag, late_ns: flag and late_ns > 700_000_000)
+    for sequence, sent_ns in enumerate((0, 1_000_000_000, 200_000_000, 250_000_000), 1):
+        topic.send(sequence, sent_ns=sent_ns)
+    assert len(topic.used) == 4, "a clock that was set back makes nothing late"
+    topic = Topic(is_stale=lambda flag, late_ns: flag and late_ns > 700_000_000, step_ns=1_000_000_000)
+    topic.send(1, sent_ns=0)
+    topic.send(2, sent_ns=1)
+    topic.send(3, sent_ns=2, payload=FALSE)
+    topic.input.receive(TRUE, b"")
+    assert [flag for flag, _ in topic.used] == [True, False, True]
+    assert topic.tally.rejected == {("/arm", "the message was too long on its way"): 1}
 
 
 def test_messages_that_never_came_are_counted():
