@@ -18,7 +18,7 @@ from runtime.executors.runtime_directory import runtime_directory
 from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.recording.log import Log
 from runtime.recording.run_data import BODY_STATE
-from runtime.recording.stalls import STALL_NS, fault_events
+from runtime.recording.stalls import StallBound, fault_events
 from runtime.robots import assembled
 from sim_bridge.endurance import check_has_laps
 from sim_bridge.live_flaws import flaws
@@ -70,7 +70,8 @@ def run_live(
             outcome = _watched(live, progress or _unseen)
             live.stop()
     bags = RunBags(out, lambda sentence: print(f"ugv sil: {sentence}", file=sys.stderr))
-    faults = [fault for log in bags for fault in _faults(log)]
+    bounds = simulation_of(config).stall_bounds()
+    faults = [fault for log in bags for fault in _faults(log, bounds)]
     found = flaws(faults, outcome["resources"], duration_s)
     summary = {
         "robot": robot,
@@ -124,12 +125,21 @@ def _figures(held: Resources | None) -> dict[str, int] | None:
     return None if held is None else held._asdict()
 
 
-def _faults(log: Log) -> list[dict[str, Any]]:
-    """Every loss of power by a fault, with the stall of the machine that stands before it in the ticks."""
+def _faults(log: Log, bounds: Sequence[StallBound]) -> list[dict[str, Any]]:
+    """Every loss of power by a fault, with the stall of the machine that explains it and the bound of that."""
     found = []
-    for event in fault_events(log, STALL_NS):
-        stall = event.stall and {"loop": event.stall.loop, "ms": event.stall.length_ns * 1e-6}
-        found.append({"at_ns": event.at_ns, "fault": str(event.fault.name), "stall": stall})
+    for event in fault_events(log, bounds):
+        bound, stall = event.bound, event.stall
+        found.append(
+            {
+                "at_ns": event.at_ns,
+                "fault": str(event.fault.name),
+                "cause": str(event.cause.name),
+                "bound": bound and {"loops": bound.loops, "ms": bound.bound_ns * 1e-6},
+                "stall": stall and {"loop": stall.loop, "ms": stall.length_ns * 1e-6},
+                "stalled_ms": event.stalled_ns * 1e-6,
+            }
+        )
     return found
 
 

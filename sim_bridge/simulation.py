@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Protocol
 
 from drivers.device_end import Wires
 from runtime.executors.loop_run import InputPort
+from runtime.recording.stalls import StallBound
 from runtime.records import Record
 from runtime.robots.robot_config import RobotConfig
 from sim_bridge.scenario import Push, Scenario
@@ -54,6 +55,9 @@ class Simulation(Protocol):
 
     def push_ns(self, push: Push, records: Mapping[str, Record], after_ns: int) -> int | None:
         """When a push is to begin that is due after a time; None while that cannot be said."""
+
+    def stall_bounds(self) -> Sequence[StallBound]:
+        """Beyond which stalls of the machine the robot may have faults in real time."""
 
 
 def simulation_of(config: RobotConfig) -> Simulation:

@@ -82,10 +82,11 @@ def outcome(summary: Mapping[str, Any]) -> str:
 
 
 def _loss(fault: Mapping[str, Any]) -> str:
-    stall = fault["stall"]
-    return f"{fault['fault']}, " + (
-        f"after a stall of {stall['loop']} of {stall['ms']:.0f} ms" if stall else "no stall"
-    )
+    bound, stall = fault["bound"], fault["stall"]
+    if bound is None:
+        return f"{fault['fault']}, which no stall makes"
+    found = f"after a stall of {stall['loop']} of {stall['ms']:.0f} ms" if stall else "no stall"
+    return f"{fault['fault']}, {found} beyond {bound['ms']:.0f} ms"
 
 
 def _held(early: Mapping[str, int], late: Mapping[str, int]) -> str:

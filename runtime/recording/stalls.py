@@ -1,36 +1,61 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which stall of the machine stands before a fault: real time on a busy computer is judged by its own tick log."""
+"""Which stall of the machine explains a fault: real time on a busy computer is judged by its own tick log.
+
+A fault says that something was missing for a time. It is explained if, for as long as the fault's own bound says, that
+time was filled by stalls of the loops that bring what was missing. Stalls of one loop, or of several that a message
+passes through, count together wherever they come one after the other; where they lie beside each other, as when the
+whole machine stands still, the time counts once.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from runtime.executors.companions import SIM
 from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.recording import run_data
 from runtime.recording.log import Log
+from runtime.safety.answers import HALTS, WARNINGS
 from runtime.signals import Fault, Mode
 
-STALL_NS = 5_000_000
-"""Shorter stalls are within the bounds of every input."""
-LOOKBACK_NS = 250_000_000
-"""How long before a fault its cause is looked for, beyond the bound itself."""
+STALL_NS = 1_000_000
+"""For less than that loops wait on a machine at rest too."""
+TOLD_LATE_NS = {SIM.name: SIM.period_ns}
+"""A tick of the simulator tells the worst of the steps since the last one, and not when that was."""
 
 
 class Stall(NamedTuple):
-    """Time in which a loop had work to do and was kept from it: late wakes, and steps that were interrupted.
+    """Time in which a loop had work to do and was kept from it: by a late wake, or in a step that was interrupted.
 
     Attributes:
         loop: whose.
-        at_ns: when the first of its ticks was due.
-        length_ns: over that tick, and those that followed without the loop having caught up.
+        at_ns: when its tick was due.
+        length_ns: for how long it was kept.
     """
 
     loop: str
     at_ns: int
     length_ns: int
+
+
+class StallBound(NamedTuple):
+    """What a stall must be beyond to be the cause of a fault.
+
+    Attributes:
+        fault: one bit.
+        loops: that the machine must have kept from their work,
+        bound_ns: for longer than this
+        within_ns: of the time up to the fault.
+    """
+
+    fault: Fault
+    loops: tuple[str, ...]
+    bound_ns: int
+    within_ns: int
 
 
 class FaultEvent(NamedTuple):
@@ -39,15 +64,21 @@ class FaultEvent(NamedTuple):
     Attributes:
         at_ns: log time.
         fault: bits.
-        stall: the longest stall beyond the bound in the time before it, None if there was none.
+        cause: the bit that took the power; of several one that no stall explains, if there is one.
+        bound: of a stall that may cause it, None if none can.
+        stall: that explains it, its length that of all that count; None if none does.
+        stalled_ns: for how long the loops of the bound were kept.
     """
 
     at_ns: int
     fault: Fault
+    cause: Fault
+    bound: StallBound | None
     stall: Stall | None
+    stalled_ns: int
 
 
-def stalls_of(log: Log, loop: str, least_ns: int) -> list[Stall]:
+def stalls_of(log: Log, loop: str, least_ns: int = STALL_NS) -> list[Stall]:
     """Every stall of a loop of at least so long. A step's own computing is no stall, where it was measured."""
     topic = TICK_TOPIC_PREFIX + loop
     if topic not in log.channels:
@@ -55,39 +86,92 @@ def stalls_of(log: Log, loop: str, least_ns: int) -> list[Stall]:
     return stalls_in(loop, log.read_signal(topic).values, least_ns)
 
 
-def stalls_in(loop: str, ticks: npt.NDArray[Any], least_ns: int) -> list[Stall]:
-    """As `stalls_of`, from the loop's ticks in their order."""
+def stalls_in(loop: str, ticks: npt.NDArray[Any], least_ns: int = STALL_NS) -> list[Stall]:
+    """As `stalls_of`, from the loop's ticks in their order.
+
+    Periods that a tick made the loop skip have passed meanwhile, even if the wake and the step took less: it was kept
+    while it read or sent.
+    """
     kept_ns = ticks["wake_latency_ns"] + ticks["compute_ns"] - ticks["cpu_ns"]
-    caught_up = ticks["skipped"] == 0
-    caught_up[:1] = True
-    first = np.flatnonzero(caught_up)
-    length = np.add.reduceat(kept_ns, first) if len(ticks) else kept_ns
+    skipped = ticks["skipped"][1:].astype(np.int64)
+    passed_ns = np.diff(ticks["release_ns"]) // (skipped + 1) * skipped - ticks["cpu_ns"][:-1]
+    consecutive = np.diff(ticks["index"]) == skipped + 1
+    kept_ns[:-1] = np.where(consecutive, np.maximum(kept_ns[:-1], passed_ns), kept_ns[:-1])
     return [
-        Stall(loop, int(ticks["release_ns"][row]), int(total))
-        for row, total in zip(first, length, strict=True)
-        if total >= least_ns
+        Stall(loop, int(ticks["release_ns"][row]), int(kept_ns[row])) for row in np.flatnonzero(kept_ns >= least_ns)
     ]
 
 
-def fault_events(log: Log, least_ns: int, loops: tuple[str, ...] = ("wbc", "mpc", "link", "sim")) -> list[FaultEvent]:
-    """Every loss of power by a fault, with the stall before it.
+def stalled_ns(stalls: Iterable[Stall], from_ns: int, until_ns: int) -> int:
+    """For how much of a time at least one of the loops was kept from its work."""
+    total_ns, reached_ns = 0, from_ns
+    for begin_ns, end_ns in sorted(_placed(stall, until_ns) for stall in stalls):
+        begin_ns, end_ns = max(begin_ns, reached_ns), min(end_ns, until_ns)
+        if end_ns > begin_ns:
+            total_ns, reached_ns = total_ns + end_ns - begin_ns, end_ns
+    return total_ns
+
+
+def _placed(stall: Stall, until_ns: int) -> tuple[int, int]:
+    """Begin and end of a stall; where its tick does not tell them exactly, before a time if they may be."""
+    earlier_ns = min(max(0, stall.at_ns + stall.length_ns - until_ns), TOLD_LATE_NS.get(stall.loop, 0))
+    return stall.at_ns - earlier_ns, stall.at_ns - earlier_ns + stall.length_ns
+
+
+def explanation(bound: StallBound, stalls: Iterable[Stall], at_ns: int) -> tuple[Stall | None, int]:
+    """The stall beyond a bound before a fault, if there is one, and for how long the bound's loops were kept.
+
+    Returns:
+        The longest of the stalls, with the length of all that count; None if that is not beyond the bound.
+    """
+    from_ns = at_ns - bound.within_ns
+    counting = [stall for stall in stalls if stall.loop in bound.loops]
+    kept_ns = stalled_ns(counting, from_ns, at_ns)
+    if kept_ns <= bound.bound_ns:
+        return None, kept_ns
+    longest = max(counting, key=lambda stall: stalled_ns((stall,), from_ns, at_ns))
+    return longest._replace(length_ns=kept_ns), kept_ns
+
+
+def fault_events(log: Log, bounds: Sequence[StallBound]) -> list[FaultEvent]:
+    """Every loss of power by a fault, with the stall that explains it.
 
     Args:
         log: of a run in real time.
-        least_ns: a shorter stall explains nothing.
-        loops: whose stalls count.
+        bounds: of the robot; a fault with several is explained by any, one without by nothing.
     """
     safety = log.read_signal(run_data.SAFETY)
-    mode = safety.values["mode"]
-    stalls = [stall for loop in loops for stall in stalls_of(log, loop, least_ns)]
+    loops = sorted({loop for bound in bounds for loop in bound.loops})
+    stalls = [stall for loop in loops for stall in stalls_of(log, loop)]
     events = []
-    for row in _losses(mode):
+    for row in _losses(safety.values["mode"]):
         at_ns = int(safety.log_ns[row])
-        before = [s for s in stalls if at_ns - LOOKBACK_NS <= s.at_ns + s.length_ns and s.at_ns <= at_ns]
-        longest = max(before, key=lambda stall: stall.length_ns, default=None)
-        bits = int(safety.values["fault"][row]) or int(safety.values["warning"][row])
-        events.append(FaultEvent(at_ns, Fault(bits), longest))
+        bits = Fault(int(safety.values["fault"][row]) or int(safety.values["warning"][row]))
+        events.append(judged_loss(bits, at_ns, bounds, stalls))
     return events
+
+
+def judged_loss(fault: Fault, at_ns: int, bounds: Sequence[StallBound], stalls: Sequence[Stall]) -> FaultEvent:
+    """A loss of power to some faults, explained if each that took the power is."""
+    causes = [Fault(bit) for bit in taking_power(fault)] or [fault]
+    found = [_judged_cause(fault, cause, at_ns, bounds, stalls) for cause in causes]
+    return next((event for event in found if event.stall is None), found[0])
+
+
+def taking_power(fault: Fault) -> list[int]:
+    """Those bits of a fault that are not merely bridged, or answered by a stand."""
+    serious = int(fault) & ~(WARNINGS | HALTS)
+    return [1 << place for place in range(serious.bit_length()) if serious >> place & 1]
+
+
+def _judged_cause(
+    fault: Fault, cause: Fault, at_ns: int, bounds: Sequence[StallBound], stalls: Sequence[Stall]
+) -> FaultEvent:
+    tried = [(bound, *explanation(bound, stalls, at_ns)) for bound in bounds if bound.fault == cause]
+    if not tried:
+        return FaultEvent(at_ns, fault, cause, None, None, 0)
+    bound, stall, kept_ns = max(tried, key=lambda one: one[2] - one[0].bound_ns)
+    return FaultEvent(at_ns, fault, cause, bound, stall, kept_ns)
 
 
 def _losses(mode: npt.NDArray[np.uint8]) -> list[int]:

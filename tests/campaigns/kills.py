@@ -24,7 +24,6 @@ from typing import NamedTuple
 
 from runtime.executors.runtime_directory import runtime_directory
 from runtime.recording.recorder_status import read_status
-from runtime.recording.stalls import STALL_NS
 from runtime.robots import topics
 from runtime.signals import Mode
 from sim_bridge.faults.injector import SILENT, Order
@@ -126,7 +125,7 @@ def campaign(victims: Sequence[str], seed: int, out: Path) -> list[str]:
 
 def judge(directory: Path, kills: Sequence[Kill]) -> list[str]:
     """What the logs of one robot show that must not be."""
-    logs = LiveLogs(directory, (), STALL_NS)
+    logs = LiveLogs(directory, ())
     wrong = moved_unarmed(logs)
     for kill in kills:
         findings = list(kill.findings)
