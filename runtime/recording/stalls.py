@@ -59,12 +59,12 @@ class StallBound(NamedTuple):
 
 
 class FaultEvent(NamedTuple):
-    """A fall into DAMPED, or into the crouch before it.
+    """A fall into DAMPED, or into the crouch before it, or a stand.
 
     Attributes:
-        at_ns: log time.
+        at_ns: when the tick began that found the fault.
         fault: bits.
-        cause: the bit that took the power; of several one that no stall explains, if there is one.
+        cause: the bit that was answered so; of several one that no stall explains, if there is one.
         bound: of a stall that may cause it, None if none can.
         stall: that explains it, its length that of all that count; None if none does.
         stalled_ns: for how long the loops of the bound were kept.
@@ -133,35 +133,46 @@ def explanation(bound: StallBound, stalls: Iterable[Stall], at_ns: int) -> tuple
     return longest._replace(length_ns=kept_ns), kept_ns
 
 
-def fault_events(log: Log, bounds: Sequence[StallBound]) -> list[FaultEvent]:
-    """Every loss of power by a fault, with the stall that explains it.
+def fault_events(log: Log, bounds: Sequence[StallBound]) -> tuple[list[FaultEvent], list[FaultEvent]]:
+    """Every loss of power by a fault, and every pause of a robot on its way, with the stall that explains it.
 
     Args:
         log: of a run in real time.
         bounds: of the robot; a fault with several is explained by any, one without by nothing.
     """
-    safety = log.read_signal(run_data.SAFETY)
+    status = log.read_signal(run_data.SAFETY).values
     loops = sorted({loop for bound in bounds for loop in bound.loops})
     stalls = [stall for loop in loops for stall in stalls_of(log, loop)]
-    events = []
-    for row in _losses(safety.values["mode"]):
-        at_ns = int(safety.log_ns[row])
-        bits = Fault(int(safety.values["fault"][row]) or int(safety.values["warning"][row]))
-        events.append(judged_loss(bits, at_ns, bounds, stalls))
-    return events
+    losses, pauses = [], []
+    for row in _losses(status["mode"]):
+        fault = Fault(int(status["fault"][row]) or int(status["warning"][row]))
+        losses.append(judged(fault, taking_power(fault), int(status["stamp_ns"][row]), bounds, stalls))
+    for row in _pauses(status["mode"], status["halt"]):
+        fault = Fault(int(status["halt"][row]))
+        pauses.append(judged(fault, fault, int(status["stamp_ns"][row]), bounds, stalls))
+    return losses, pauses
 
 
-def judged_loss(fault: Fault, at_ns: int, bounds: Sequence[StallBound], stalls: Sequence[Stall]) -> FaultEvent:
-    """A loss of power to some faults, explained if each that took the power is."""
-    causes = [Fault(bit) for bit in taking_power(fault)] or [fault]
-    found = [_judged_cause(fault, cause, at_ns, bounds, stalls) for cause in causes]
+def judged(
+    fault: Fault, causes: Fault, at_ns: int, bounds: Sequence[StallBound], stalls: Sequence[Stall]
+) -> FaultEvent:
+    """An event, explained if each of its causes is.
+
+    Args:
+        fault: bits.
+        causes: those of them that count; if there is none, nothing explains the event.
+        at_ns: when they were found.
+        bounds: as for `fault_events`.
+        stalls: of all loops.
+    """
+    bits = [Fault(1 << place) for place in range(int(causes).bit_length()) if int(causes) >> place & 1]
+    found = [_judged_cause(fault, cause, at_ns, bounds, stalls) for cause in bits or [fault]]
     return next((event for event in found if event.stall is None), found[0])
 
 
-def taking_power(fault: Fault) -> list[int]:
+def taking_power(fault: Fault) -> Fault:
     """Those bits of a fault that are not merely bridged, or answered by a stand."""
-    serious = int(fault) & ~(WARNINGS | HALTS)
-    return [1 << place for place in range(serious.bit_length()) if serious >> place & 1]
+    return Fault(int(fault) & ~(WARNINGS | HALTS))
 
 
 def _judged_cause(
@@ -179,3 +190,9 @@ def _losses(mode: npt.NDArray[np.uint8]) -> list[int]:
     powered = (mode == Mode.STANDING) | (mode == Mode.ACTIVE)
     lost = (mode == Mode.DAMPED) | (mode == Mode.CROUCHING)
     return [int(row) for row in np.flatnonzero(powered[:-1] & lost[1:]) + 1]
+
+
+def _pauses(mode: npt.NDArray[np.uint8], halt: npt.NDArray[np.uint32]) -> list[int]:
+    """Rows at which a robot on its way is told to stand by a fault."""
+    begins = (halt[1:] != 0) & (halt[:-1] == 0) & (mode[1:] == Mode.ACTIVE)
+    return [int(row) for row in np.flatnonzero(begins) + 1]

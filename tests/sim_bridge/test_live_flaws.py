@@ -16,14 +16,16 @@ IMU = {
 
 
 def kept(late, early=HELD, duration_s=LONG_S):
-    return flaws([], {"control": {"early": early, "late": late}}, duration_s)
+    return flaws([], [], {"control": {"early": early, "late": late}}, duration_s)
 
 
 def test_only_a_fault_without_a_stall_beyond_its_bound_is_a_flaw():
     tilt = {"fault": "TILT", "cause": "TILT", "bound": None, "stall": None, "stalled_ms": 0.0}
-    assert flaws([IMU, IMU | {"stall": None, "stalled_ms": 12.4}, tilt], {}, None) == [
-        "power was lost to STALE_IMU without a stall of sim or link beyond 16 ms before it, but of 12 ms",
+    short = IMU | {"stall": None, "stalled_ms": 12.4}
+    assert flaws([IMU, short, tilt], [IMU, short], {}, None) == [
+        "power was lost to STALE_IMU without a stall of sim or link beyond 16 ms before it, but of 12.4 ms",
         "power was lost to TILT, which no stall of a machine makes",
+        "the robot paused for STALE_IMU without a stall of sim or link beyond 16 ms before it, but of 12.4 ms",
     ]
 
 

@@ -5,7 +5,7 @@ from functools import cache
 
 import pytest
 
-from runtime.recording.stalls import Stall, judged_loss
+from runtime.recording.stalls import Stall, judged
 from runtime.robots import load_configuration
 from runtime.signals import Fault
 from sim_bridge.simulation import simulation_of
@@ -82,7 +82,7 @@ def bounds_of(robot):
 def excuses(robot, fault, loop, stall_ms):
     length_ns = round(stall_ms * MS)
     bounds = [bound for bound in bounds_of(robot) if bound.fault == fault and loop in bound.loops]
-    return judged_loss(fault, AT_NS, bounds, [Stall(loop, AT_NS - length_ns, length_ns)]).stall is not None
+    return judged(fault, fault, AT_NS, bounds, [Stall(loop, AT_NS - length_ns, length_ns)]).stall is not None
 
 
 @pytest.mark.parametrize(("robot", "fault", "loop", "bound_ms"), STALLS)
@@ -96,7 +96,7 @@ def test_a_stall_excuses_a_fault_beyond_its_bound_and_not_below(robot, fault, lo
 def test_what_no_stall_makes_no_stall_excuses(robot):
     for fault in (*BY_NO_STALL, *NEVER[robot]):
         stalls = [Stall(loop, 0, AT_NS) for loop in ("sim", "link", "wbc", "mpc", "drive")]
-        event = judged_loss(fault, AT_NS, bounds_of(robot), stalls)
+        event = judged(fault, fault, AT_NS, bounds_of(robot), stalls)
         assert (event.bound, event.stall) == (None, None), fault.name
 
 
@@ -110,9 +110,9 @@ def test_every_fault_either_has_a_bound_or_has_none_for_a_reason(robot):
 
 def test_a_unit_that_gave_up_waiting_is_a_fault_only_after_its_refusal_was_borne():
     stall = Stall("drive", AT_NS - 420 * MS, 101 * MS)
-    assert judged_loss(Fault.MOTOR_FAULT, AT_NS, bounds_of("4ws4wd"), [stall]).stall is not None
+    assert judged(Fault.MOTOR_FAULT, Fault.MOTOR_FAULT, AT_NS, bounds_of("4ws4wd"), [stall]).stall is not None
     long_ago = stall._replace(at_ns=AT_NS - 600 * MS)
-    assert judged_loss(Fault.MOTOR_FAULT, AT_NS, bounds_of("4ws4wd"), [long_ago]).stall is None
+    assert judged(Fault.MOTOR_FAULT, Fault.MOTOR_FAULT, AT_NS, bounds_of("4ws4wd"), [long_ago]).stall is None
 
 
 def test_the_bounds_follow_the_configuration():
@@ -125,4 +125,4 @@ def test_the_bounds_follow_the_configuration():
 def test_a_wait_as_short_as_what_is_usual_still_needs_a_stall():
     config = load_configuration("uslgo1", {"safety.imu_age_max_ns": "3000000"})
     bounds = simulation_of(config).stall_bounds()
-    assert judged_loss(Fault.STALE_IMU, AT_NS, bounds, []).stall is None
+    assert judged(Fault.STALE_IMU, Fault.STALE_IMU, AT_NS, bounds, []).stall is None
