@@ -66,7 +66,7 @@ class FaultEvent(NamedTuple):
         fault: bits.
         cause: the bit that was answered so; of several one that no stall explains, if there is one.
         bound: of a stall that may cause it, None if none can.
-        stall: that explains it, its length that of all that count; None if none does.
+        stall: that explains it; None if none does.
         stalled_ns: for how long the loops of the bound were kept.
     """
 
@@ -122,7 +122,7 @@ def explanation(bound: StallBound, stalls: Iterable[Stall], at_ns: int) -> tuple
     """The stall beyond a bound before a fault, if there is one, and for how long the bound's loops were kept.
 
     Returns:
-        The longest of the stalls, with the length of all that count; None if that is not beyond the bound.
+        The longest of the stalls, no shorter than all that count together; None if they are not beyond the bound.
     """
     from_ns = at_ns - bound.within_ns
     counting = [stall for stall in stalls if stall.loop in bound.loops]
@@ -130,7 +130,7 @@ def explanation(bound: StallBound, stalls: Iterable[Stall], at_ns: int) -> tuple
     if kept_ns <= bound.bound_ns:
         return None, kept_ns
     longest = max(counting, key=lambda stall: stalled_ns((stall,), from_ns, at_ns))
-    return longest._replace(length_ns=kept_ns), kept_ns
+    return longest._replace(length_ns=max(longest.length_ns, kept_ns)), kept_ns
 
 
 def fault_events(log: Log, bounds: Sequence[StallBound]) -> tuple[list[FaultEvent], list[FaultEvent]]:

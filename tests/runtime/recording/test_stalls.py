@@ -138,6 +138,15 @@ def test_stalls_count_together_but_each_moment_once_and_only_in_its_time(stalls,
     assert (stall is not None) is (kept_ms > 16)
 
 
+def test_a_stall_is_told_in_its_whole_length_and_several_as_one():
+    (several, _), (long, _) = (
+        explanation(IMU, [Stall("link", AT_NS + at_ms * MS, length_ms * MS) for at_ms, length_ms in stalls], AT_NS)
+        for stalls in ([(-20, 7), (-12, 11)], [(-70, 68)])
+    )
+    assert several == Stall("link", AT_NS - 12 * MS, 18 * MS)
+    assert long == Stall("link", AT_NS - 70 * MS, 68 * MS)
+
+
 def test_a_stall_of_the_simulator_may_have_been_a_period_of_its_ticks_sooner_than_they_tell():
     assert stalled_ns([Stall("sim", AT_NS - 1 * MS, 8 * MS)], AT_NS - 10 * MS, AT_NS) == 8 * MS
     assert stalled_ns([Stall("sim", AT_NS + 5 * MS, 8 * MS)], AT_NS - 10 * MS, AT_NS) == 5 * MS
