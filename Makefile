@@ -10,6 +10,7 @@ SERVICE_ARGS ?=
 CLAIMS_ARGS ?=
 FAULTS_ARGS ?=
 KILLS_ARGS ?=
+REALTIME_ARGS ?=
 ENDURANCE_S ?= 600
 FUZZ_S ?= 20
 ROBOT ?= uslgo1
@@ -27,7 +28,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: sil venv test test-guest test-service lint fuzz claims faults faults-live kills endurance bench clean
+.PHONY: sil venv test test-guest test-service lint fuzz claims faults faults-live kills endurance realtime bench clean
 .DEFAULT_GOAL := sil
 
 sil: venv  ## Walk USLGO1 round the 6 cm circle, or with ROBOT=4ws4wd drive the vehicle from beside a line onto it.
@@ -90,6 +91,9 @@ kills: venv  ## Kill each process of a robot that walks in real time, again and 
 endurance: venv  ## Walk in real time for ENDURANCE_S seconds, lap after lap, and replay the log.
 	out="$$(mktemp -d)" && trap 'rm -rf "$$out"' EXIT && \
 	    $(BIN)/ugv sil uslgo1 circle-6cm --realtime --duration $(ENDURANCE_S) --out "$$out" && $(BIN)/ugv replay "$$out"
+
+realtime: venv  ## Run scenarios in real time, and compare their figures with the spread of those in lockstep.
+	$(BIN)/ugv experiment realtime --robot $(ROBOT) $(REALTIME_ARGS)
 
 bench: venv  ## Measure, each figure beside what it is compared with.
 	$(BIN)/ugv bench fuzzy

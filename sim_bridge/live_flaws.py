@@ -13,23 +13,33 @@ LONG_S = 600.0
 MEMORY_GROWTH_MAX = 0.02
 
 
-def flaws(faults: Sequence[Mapping[str, Any]], resources: Mapping[str, Any], duration_s: float | None) -> list[str]:
+Faults = Sequence[Mapping[str, Any]]
+
+
+def flaws(faults: Faults, pauses: Faults, resources: Mapping[str, Any], duration_s: float | None) -> list[str]:
     """Faults that no stall of the machine explains, and what processes of a long walk have kept.
 
     Args:
-        faults: losses of power, each with the stall before it or None.
+        faults: losses of power, each with its cause, the bound of a stall that may make it or None, and the stall that
+            did or None.
+        pauses: stands of a robot on its way, alike.
         resources: by process, what it held early and late.
         duration_s: of a walk lap after lap; None for one scenario.
     """
-    found = [
-        f"power was lost to {fault['fault']} without a stall of this machine before it"
-        for fault in faults
-        if fault["stall"] is None
-    ]
+    found = [f"power was lost to {_unexplained(fault)}" for fault in faults if fault["stall"] is None]
+    found += [f"the robot paused for {_unexplained(fault)}" for fault in pauses if fault["stall"] is None]
     if duration_s is not None and duration_s >= LONG_S:
         for process, held in resources.items():
             found += _kept(process, held["early"], held["late"])
     return found
+
+
+def _unexplained(fault: Mapping[str, Any]) -> str:
+    if fault["bound"] is None:
+        return f"{fault['cause']}, which no stall of a machine makes"
+    loops, bound_ms = " or ".join(fault["bound"]["loops"]), fault["bound"]["ms"]
+    beyond = f"without a stall of {loops} beyond {bound_ms:.3g} ms before it"
+    return f"{fault['cause']} {beyond}, but of {fault['stalled_ms']:.3g} ms"
 
 
 def _kept(process: str, early: Mapping[str, int] | None, late: Mapping[str, int] | None) -> Iterator[str]:

@@ -16,9 +16,8 @@ import numpy.typing as npt
 from runtime.executors.resources import Resources
 from runtime.executors.runtime_directory import runtime_directory
 from runtime.executors.tick import TICK_TOPIC_PREFIX
-from runtime.recording.log import Log
 from runtime.recording.run_data import BODY_STATE
-from runtime.recording.stalls import STALL_NS, fault_events
+from runtime.recording.stalls import FaultEvent, fault_events, silences
 from runtime.robots import assembled
 from sim_bridge.endurance import check_has_laps
 from sim_bridge.live_flaws import flaws
@@ -70,8 +69,12 @@ def run_live(
             outcome = _watched(live, progress or _unseen)
             live.stop()
     bags = RunBags(out, lambda sentence: print(f"ugv sil: {sentence}", file=sys.stderr))
-    faults = [fault for log in bags for fault in _faults(log)]
-    found = flaws(faults, outcome["resources"], duration_s)
+    simulation, loops = simulation_of(config), [loop.name for loop in assembled(config).loops]
+    bounds, patience_ns = simulation.stall_bounds(), simulation.patience_ns
+    events = [fault_events(log, bounds) for log in bags]
+    faults = [told(event) for losses, _ in events for event in losses]
+    pauses = [told(event) for _, stands in events for event in stands]
+    found = flaws(faults, pauses, outcome["resources"], duration_s)
     summary = {
         "robot": robot,
         "scenario": scenario,
@@ -79,9 +82,15 @@ def run_live(
         "controller": config.variant.controller,
         "estimator": config.variant.estimator,
         **outcome,
-        **timings(bags, (loop.name for loop in assembled(config).loops)),
+        **timings(bags, loops),
         "imu_age_ms": _spread(bags.read(BODY_STATE).values["imu_age_ns"]),
         "faults": faults,
+        "pauses": pauses,
+        "silences": [
+            {"loop": stall.loop, "ms": stall.length_ns * 1e-6, "bound_ms": patience_ns * 1e-6}
+            for log in bags
+            for stall in silences(log, loops[0], patience_ns)
+        ],
         "flaws": found,
         "realtime": True,
         "log": bags.longest.path.name,
@@ -124,13 +133,17 @@ def _figures(held: Resources | None) -> dict[str, int] | None:
     return None if held is None else held._asdict()
 
 
-def _faults(log: Log) -> list[dict[str, Any]]:
-    """Every loss of power by a fault, with the stall of the machine that stands before it in the ticks."""
-    found = []
-    for event in fault_events(log, STALL_NS):
-        stall = event.stall and {"loop": event.stall.loop, "ms": event.stall.length_ns * 1e-6}
-        found.append({"at_ns": event.at_ns, "fault": str(event.fault.name), "stall": stall})
-    return found
+def told(event: FaultEvent) -> dict[str, Any]:
+    """A fault with the stall of the machine that explains it, and the bound of that; None where there is none."""
+    bound, stall = event.bound, event.stall
+    return {
+        "at_ns": event.at_ns,
+        "fault": str(event.fault.name),
+        "cause": str(event.cause.name),
+        "bound": bound and {"loops": bound.loops, "ms": bound.bound_ns * 1e-6},
+        "stall": stall and {"loop": stall.loop, "ms": stall.length_ns * 1e-6},
+        "stalled_ms": event.stalled_ns * 1e-6,
+    }
 
 
 def timings(bags: RunBags, loops: Iterable[str]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from drivers.device_end import Wires
 from drivers.dialects import dialect_named
 from runtime.executors.loop_run import InputPort
+from runtime.recording.stalls import StallBound
 from runtime.records import Record
 from runtime.robots import topics
 from runtime.robots.uslgo1.assembly import PATH_CAPACITY
@@ -18,6 +19,7 @@ from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.signals import BodyCommand, Gait
 from runtime.tracking.path_csv import read_path_csv
 from sim_bridge.courses import custom, scenario
+from sim_bridge.quadruped_stall_bounds import quadruped_bounds
 from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.scenario import Push, Scenario
 from sim_bridge.script import ScriptedOperator
@@ -36,6 +38,7 @@ class QuadrupedSimulation:
 
     def __init__(self, config: Uslgo1Config) -> None:
         self._config, self.step_ns = config, config.simulation.time_step_ns
+        self.patience_ns = config.simulation.command_timeout_ns
 
     def scenario(self, name: str, seed: int) -> Scenario:
         """The scenario of a name; the seed of a push counts through directions, then gait phases."""
@@ -93,6 +96,10 @@ class QuadrupedSimulation:
             return None
         phase_ns = gait.cycle_start_ns + int(push.gait_phase * period_ns)
         return phase_ns + -(-(after_ns - phase_ns) // period_ns) * period_ns
+
+    def stall_bounds(self) -> Sequence[StallBound]:
+        """Those of its kind, by the configuration."""
+        return quadruped_bounds(self._config)
 
 
 SIMULATION = QuadrupedSimulation

@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Protocol
 
 from drivers.device_end import Wires
 from runtime.executors.loop_run import InputPort
+from runtime.recording.stalls import StallBound
 from runtime.records import Record
 from runtime.robots.robot_config import RobotConfig
 from sim_bridge.scenario import Push, Scenario
@@ -24,6 +25,7 @@ class Simulation(Protocol):
     Attributes:
         warm_up, warm_up_ns: a scenario, and a time by which the robot moves and every part of its loops has been used.
         step_ns: of the physics.
+        patience_ns: for which drives go on without a command, before they let go by themselves.
         fallen_clearance_m: a robot whose origin is closer to the ground lies on it.
         watched: topics of what `finished`, `ready` and `push_ns` look at.
     """
@@ -31,6 +33,7 @@ class Simulation(Protocol):
     warm_up: str
     warm_up_ns: int
     step_ns: int
+    patience_ns: int
     fallen_clearance_m: float
     watched: tuple[str, ...]
 
@@ -54,6 +57,9 @@ class Simulation(Protocol):
 
     def push_ns(self, push: Push, records: Mapping[str, Record], after_ns: int) -> int | None:
         """When a push is to begin that is due after a time; None while that cannot be said."""
+
+    def stall_bounds(self) -> Sequence[StallBound]:
+        """Beyond which stalls of the machine the robot may have faults in real time."""
 
 
 def simulation_of(config: RobotConfig) -> Simulation:

@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from drivers.device_end import Wires
 from runtime.executors.loop_run import InputPort
+from runtime.recording.stalls import StallBound
 from runtime.records import Record
 from runtime.robots import topics
 from runtime.robots.vehicle_4ws4wd.assembly import PATH_CAPACITY
@@ -21,6 +22,7 @@ from sim_bridge.scenario import Push, Scenario
 from sim_bridge.script import ScriptedOperator
 from sim_bridge.terrain import HeightField
 from sim_bridge.vehicle_courses import custom, scenario
+from sim_bridge.vehicle_stall_bounds import vehicle_bounds
 from sim_bridge.vehicle_world import VehicleWorld
 from sim_bridge.world import World
 
@@ -34,6 +36,7 @@ class VehicleSimulation:
 
     def __init__(self, config: Vehicle4ws4wdConfig) -> None:
         self._config, self.step_ns = config, config.simulation.time_step_ns
+        self.patience_ns = config.simulation.command_timeout_ns
 
     def scenario(self, name: str, seed: int) -> Scenario:
         """The scenario of a name; the seed of `curve` counts through the shapes."""
@@ -97,6 +100,10 @@ class VehicleSimulation:
     def push_ns(self, push: Push, records: Mapping[str, Record], after_ns: int) -> int | None:
         """At once."""
         return after_ns
+
+    def stall_bounds(self) -> Sequence[StallBound]:
+        """Those of its kind, by the configuration."""
+        return vehicle_bounds(self._config)
 
 
 SIMULATION = VehicleSimulation

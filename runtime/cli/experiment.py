@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ugv experiment`: a paper's table reproduced, beside what is printed there; or the table of faults, tried."""
+"""`ugv experiment`: a paper's table reproduced; the table of faults, tried; real time beside lockstep."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from statistics import fmean
 from typing import Any, NamedTuple
 
 from runtime.cli.experiment_paper_002 import PLANTS, run_paper_002
+from runtime.cli.experiment_realtime import SEEDS, run_realtime
 from runtime.cli.options import positive
 from runtime.errors import UsageError, unknown
 
@@ -27,7 +28,7 @@ S_CURVE = {
     "FpM": Printed(0.2933, 0.1981, 68.0),
     "pMW": Printed(0.5133, 0.3822, 75.0),
 }
-EXPERIMENTS = ("paper-000", "paper-002", "faults")
+EXPERIMENTS = ("paper-000", "paper-002", "faults", "realtime")
 OURS, BASELINE = "FpMW", "pMW"
 SIMULATIONS = {"line-3cm": None, "line-6cm": None, "circle-6cm": 62.0}
 """The paper's simulations, and the time (s) that it reports of one."""
@@ -35,8 +36,8 @@ SIMULATIONS = {"line-3cm": None, "line-6cm": None, "circle-6cm": 62.0}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
-    parser.add_argument("name", metavar="NAME", help="paper-000, paper-002 or faults")
-    parser.add_argument("--seeds", type=positive, metavar="N", help="runs of each comparison (10, 1), or fault (3)")
+    parser.add_argument("name", metavar="NAME", help="paper-000, paper-002, faults or realtime")
+    parser.add_argument("--seeds", type=positive, metavar="N", help="runs of each comparison (10, 1, 8), or fault (3)")
     parser.add_argument("--realtime", action="store_true", help="faults: against the wall clock, processes included")
     parser.add_argument(
         "--plant",
@@ -49,7 +50,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="paper-002: of a seed's 270 drives in MuJoCo the 16 that tell most, in 3 minutes",
     )
     parser.add_argument("--only", metavar="TEXT", default="", help="faults with --realtime: those so named")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="of paper-002's report, or of live faults' logs")
+    parser.add_argument("--robot", default="uslgo1", metavar="ROBOT", help="realtime: whose (default uslgo1)")
+    parser.add_argument(
+        "--scenarios", nargs="+", default=(), metavar="SCENARIO", help="realtime: which (default: three of the robot's)"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="of paper-002's report, or of logs of runs in real time"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -65,6 +72,8 @@ def run(options: argparse.Namespace) -> int:
     if options.name == "paper-002":
         plants = (options.plant,) if options.plant else PLANTS
         return run_paper_002(plants, options.seeds or 1, options.quick, options.out)
+    if options.name == "realtime":
+        return run_realtime(options.robot, options.scenarios, options.seeds or SEEDS, options.out)
     return compare_controllers(options.seeds or 10)
 
 

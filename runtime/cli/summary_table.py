@@ -28,7 +28,11 @@ def summary_rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield from (("flaw", flaw) for flaw in summary.get("flaws", ()))
     if "laps" in summary:
         yield "laps", str(summary["laps"])
-    yield from (("power lost", _loss(fault)) for fault in summary.get("faults", ()))
+    yield from (("power lost", _laid(fault)) for fault in summary.get("faults", ()))
+    for stall in summary.get("silences", ()):
+        words = f"after a stall of {stall['loop']} of {stall['ms']:.3g} ms beyond {stall['bound_ms']:.3g} ms"
+        yield "drives let go", words
+    yield from (("paused", _laid(fault)) for fault in summary.get("pauses", ()))
     if summary.get("completion_time_s") is not None:
         yield "time to the goal", f"{summary['completion_time_s']:.2f} s"
     if summary.get("path_length_m") is not None:
@@ -81,11 +85,13 @@ def outcome(summary: Mapping[str, Any]) -> str:
     return ", ".join(words)
 
 
-def _loss(fault: Mapping[str, Any]) -> str:
-    stall = fault["stall"]
-    return f"{fault['fault']}, " + (
-        f"after a stall of {stall['loop']} of {stall['ms']:.0f} ms" if stall else "no stall"
-    )
+def _laid(fault: Mapping[str, Any]) -> str:
+    """A fault, and the stall that it is laid to."""
+    bound, stall = fault["bound"], fault["stall"]
+    if bound is None:
+        return f"{fault['fault']}, which no stall makes"
+    found = f"after a stall of {stall['loop']} of {stall['ms']:.3g} ms" if stall else "no stall"
+    return f"{fault['fault']}, {found} beyond {bound['ms']:.3g} ms"
 
 
 def _held(early: Mapping[str, int], late: Mapping[str, int]) -> str:

@@ -27,7 +27,7 @@ from sim_bridge.faults.live_judge import moved_unarmed
 from sim_bridge.faults.live_logs import LiveLogs
 from sim_bridge.faults.log_flaws import missing_log
 from sim_bridge.faults.trial import WALKING_NS, Trial, Watch, flaws
-from sim_bridge.faults.wires import FOREVER_NS, Wires
+from sim_bridge.faults.wires import Wires
 from sim_bridge.faults.witness import Witness
 from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.run import wire
@@ -176,8 +176,9 @@ class _Walk:
 
     def flaws(self, until_ns: int) -> list[str]:
         """What the logs and /diagnostics lack, once the walk is over."""
-        row, logs = self.row, LiveLogs(self.logs, (), least_ns=FOREVER_NS)
-        found = missing_log(logs, self.begin_ns, until_ns, row.breaks_log) + moved_unarmed(logs)
+        row, logs = self.row, LiveLogs(self.logs, ())
+        lacking = missing_log(logs, self.begin_ns, until_ns, self.config.loops.wbc_period_ns, row.breaks_log)
+        found = [flaw.says for flaw in lacking] + moved_unarmed(logs)
         if self._driven_again:
             found.append("drives that had let go were driven again")
         if row.breaks_log and not any(status.gaps for status in self.computer.recorders):

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.recording.stalls import STALL_NS
 from runtime.robots import load_configuration
 from runtime.robots.uslgo1.config import Uslgo1Config
 from sim_bridge.faults import stage
@@ -80,7 +79,7 @@ def _session(
     episodes = play(possible, seed, logs, told)
     config = load_configuration(ROBOT)
     assert isinstance(config, Uslgo1Config)
-    read = LiveLogs(logs, {row.counted[0] for row in possible if row.counted is not None}, STALL_NS)
+    read = LiveLogs(logs, {row.counted[0] for row in possible if row.counted is not None})
     for episode in episodes:
         done.verdicts[episode.row.name].append(judged(episode, read, config))
     done.flaws.extend(moved_unarmed(read))

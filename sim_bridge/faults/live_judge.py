@@ -1,34 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a robot did about a fault in real time, from its log and from what its drives saw, and whether that is right.
 
-A machine that stalls makes faults of its own. What a trial lacks is held against the robot only if no stall beyond the
-bounds of the inputs is in its ticks at that time; else the trial shows nothing, and is to be repeated.
+A machine that stalls makes faults of its own. A trial shows nothing, and is to be repeated, if a fault came that is not
+its own, after a stall beyond that fault's bound; or if all that it lacks are ticks or commands, for less time than a
+stall meanwhile took. Any other flaw is the robot's: the time that stalls took is granted to it anyway.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from runtime.executors.companions import SIM
 from runtime.recording.log import Signal
+from runtime.recording.stalls import Stall, StallBound, explanation, stalled_ns
 from runtime.robots import topics
 from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.signals import Fault, Mode
-from sim_bridge.faults.live_logs import LiveLogs
+from sim_bridge.faults.flaw import Flaw
+from sim_bridge.faults.live_logs import FAST, LiveLogs
 from sim_bridge.faults.live_session import Episode, Frames
 from sim_bridge.faults.live_table import LiveRow
+from sim_bridge.faults.log_flaws import WHOLE_NS, missing_log
 from sim_bridge.faults.wires import FOREVER_NS
+from sim_bridge.simulation import simulation_of
 
-LOST_MAX_NS = 20_000_000
-"""Of the log, up to a fault."""
-WHOLE_NS = 400_000_000
-"""For how long before a fault the log is looked at; the robot has walked for longer."""
 COMES_WITHIN_NS = 10_000_000
 """A command that drives hold is replaced by then, if any comes."""
-RETURNED_NS = 300_000_000
-"""Before the end of a trial, by when ticks must be recorded again."""
 BEYOND_LIMITS, TOO_STRONG = "a joint passed its limits", "a torque beyond its limit was commanded"
 INEXCUSABLE = {BEYOND_LIMITS, TOO_STRONG}
 _POWERED = (Mode.STANDING, Mode.ACTIVE)
@@ -44,6 +45,7 @@ class Verdict(NamedTuple):
         joints_kept: whether no joint passed its limits before the drives let go.
         flaws: what is not as it is to be.
         stall_ms: the longest stall of the machine meanwhile, 0 without one.
+        shows_nothing: whether stalls of the machine excuse the flaws; none excuses abused joints.
     """
 
     name: str
@@ -54,11 +56,7 @@ class Verdict(NamedTuple):
     joints_kept: bool
     flaws: tuple[str, ...]
     stall_ms: float
-
-    @property
-    def shows_nothing(self) -> bool:
-        """Whether the machine stalled, and that may be why it is not as it is to be; no stall excuses abused joints."""
-        return bool(self.flaws) and self.stall_ms > 0.0 and not set(self.flaws) & INEXCUSABLE
+    shows_nothing: bool
 
 
 def judged(episode: Episode, logs: LiveLogs, config: Uslgo1Config) -> Verdict:
@@ -71,15 +69,14 @@ def judged(episode: Episode, logs: LiveLogs, config: Uslgo1Config) -> Verdict:
     bound_ns = row.bound_ns(config)
     answer = tuple(times) or ("walk on",)
     flaws = [
-        *_wrong_answer(row, answer, took_ns, bound_ns + sum(stall.length_ns for stall in stalls)),
+        *_wrong_answer(row, answer, took_ns, bound_ns + stalled_ns(stalls, at_ns, at_ns + took_ns)),
         *_not_told(episode, logs),
         *_abused(episode, logs, times, config),
-        *_missing_log(episode, logs),
+        *missing_log(logs, at_ns, until_ns, config.loops.wbc_period_ns, row.breaks_log, FAST not in row.holds_up),
+        *_old_commands(episode, logs, config.drives.command_age_max_ns),
     ]
-    arrived = while_recorded(episode.frames, logs.ticks(at_ns - WHOLE_NS, until_ns))
-    oldest_ns = oldest_command_ns(arrived, logs.between(topics.CAN_SENT, at_ns - WHOLE_NS, until_ns))
-    if oldest_ns > config.drives.command_age_max_ns + COMES_WITHIN_NS and "sim" not in row.holds_up:
-        flaws.append(f"a command of {oldest_ns * 1e-6:.1f} ms reached a drive")
+    longest_ns = max((stall.length_ns for stall in stalls), default=0)
+    bounds = simulation_of(config).stall_bounds()
     return Verdict(
         row.name,
         row.answer,
@@ -87,9 +84,29 @@ def judged(episode: Episode, logs: LiveLogs, config: Uslgo1Config) -> Verdict:
         bound_ns * 1e-6,
         took_ns * 1e-6,
         episode.joints_kept,
-        tuple(flaws),
-        max((stall.length_ns for stall in stalls), default=0) * 1e-6,
+        tuple(flaw.says for flaw in flaws),
+        longest_ns * 1e-6,
+        _excused(flaws, longest_ns, spoilt(episode, logs, stalls, bounds)),
     )
+
+
+def _excused(flaws: Sequence[Flaw], longest_ns: int, spoilt: bool) -> bool:
+    if any(flaw.says in INEXCUSABLE for flaw in flaws):
+        return False
+    late = [flaw.missing_ns is not None and flaw.missing_ns < longest_ns for flaw in flaws]
+    return bool(flaws) and (spoilt or all(late))
+
+
+def spoilt(episode: Episode, logs: LiveLogs, stalls: Sequence[Stall], bounds: Sequence[StallBound]) -> bool:
+    """Whether a fault came that is not the trial's own, after a stall beyond that fault's bound."""
+    status = logs.between(topics.SAFETY, episode.at_ns, episode.until_ns).values
+    for bound in bounds:
+        there = (status["warning"] & bound.fault.value) != 0
+        if bound.fault & episode.row.fault or not there.any():
+            continue
+        if explanation(bound, stalls, int(status["stamp_ns"][there.argmax()]))[0] is not None:
+            return True
+    return False
 
 
 def _answers(episode: Episode, logs: LiveLogs) -> dict[str, int]:
@@ -124,31 +141,31 @@ def _as_of(
     return values[np.maximum(rows, 0)]
 
 
-def _wrong_answer(row: LiveRow, answer: tuple[str, ...], took_ns: int, bound_ns: int) -> list[str]:
+def _wrong_answer(row: LiveRow, answer: tuple[str, ...], took_ns: int, bound_ns: int) -> list[Flaw]:
     found = []
     if tuple(one for one in answer if one not in row.before) != row.answer:
-        found.append(f"answer is {', '.join(answer)}")
+        found.append(Flaw(f"answer is {', '.join(answer)}"))
     if took_ns > bound_ns:
-        found.append(f"took {took_ns * 1e-6:.0f} ms of {bound_ns * 1e-6:.0f} ms, stalls included")
+        found.append(Flaw(f"took {took_ns * 1e-6:.0f} ms of {bound_ns * 1e-6:.0f} ms, stalls included"))
     return found
 
 
-def _not_told(episode: Episode, logs: LiveLogs) -> list[str]:
+def _not_told(episode: Episode, logs: LiveLogs) -> list[Flaw]:
     """Faults that were not named, and counts that did not grow."""
-    row, found = episode.row, []
+    row, found = episode.row, list[Flaw]()
     status = logs.between(topics.SAFETY, episode.at_ns, episode.until_ns).values
     bits = status["warning"] | status["fault"] | status["halt"]
     missing = row.fault & ~Fault(int(np.bitwise_or.reduce(bits, initial=0)))
     if missing:
-        found.append(f"{missing.name} was not named")
+        found.append(Flaw(f"{missing.name} was not named"))
     if row.counted is not None:
         topic, name = row.counted
         before = _total(logs.between(topic, 0, episode.at_ns).values[name][-1:])
         after = _total(logs.between(topic, episode.at_ns, episode.until_ns).values[name][-1:])
         if after <= before:
-            found.append(f"{name} did not grow")
+            found.append(Flaw(f"{name} did not grow"))
     if row.recorder is not None and (episode.recorder is None or not row.recorder(episode.recorder)):
-        found.append("the recorder did not say what is wrong")
+        found.append(Flaw("the recorder did not say what is wrong"))
     return found
 
 
@@ -156,39 +173,29 @@ def _total(values: npt.NDArray[Any]) -> int:
     return int(values.sum())
 
 
-def _abused(episode: Episode, logs: LiveLogs, times: dict[str, int], config: Uslgo1Config) -> list[str]:
+def _abused(episode: Episode, logs: LiveLogs, times: dict[str, int], config: Uslgo1Config) -> list[Flaw]:
     """Joints and torques beyond their limits, falls, and drives that did not let go."""
     found = []
     if not episode.joints_kept:
-        found.append(BEYOND_LIMITS)
+        found.append(Flaw(BEYOND_LIMITS))
     if episode.fell:
-        found.append("it fell before it was damped")
+        found.append(Flaw("it fell before it was damped"))
     commands = logs.between(topics.JOINT_COMMAND_SAFE, episode.at_ns, episode.until_ns).values
     if np.abs(commands["effort"]).max(initial=0.0) > config.safety.effort_max_nm:
-        found.append(TOO_STRONG)
+        found.append(Flaw(TOO_STRONG))
     if "damp" in times and episode.released_ns is None:
-        found.append("the drives never let go")
+        found.append(Flaw("the drives never let go"))
     return found
 
 
-def _missing_log(episode: Episode, logs: LiveLogs) -> list[str]:
-    """What the log lacks up to the fault, and whether it goes on after it."""
-    found, at_ns = [], episode.at_ns
-    ticks = logs.ticks(at_ns - WHOLE_NS, at_ns)
-    if not len(ticks):
-        return ["the log lacks the time before the fault"]
-    gaps = np.diff(ticks["index"]) - 1 - ticks["skipped"][1:]
-    if gaps.any():
-        found.append(f"{int(gaps.sum())} ticks before the fault are missing")
-    lost_ns = at_ns - int(ticks["now_ns"][-1])
-    if lost_ns > LOST_MAX_NS:
-        found.append(f"the log lacks the last {lost_ns * 1e-6:.1f} ms before the fault")
-    after = logs.ticks(at_ns, episode.until_ns)
-    if not episode.row.breaks_log and (np.diff(after["index"]) > 1 + after["skipped"][1:]).any():
-        found.append("ticks after the fault are missing")
-    if "wbc" not in episode.row.holds_up and not len(logs.ticks(episode.until_ns - RETURNED_NS, episode.until_ns)):
-        found.append("nothing is recorded any more")
-    return found
+def _old_commands(episode: Episode, logs: LiveLogs, age_max_ns: int) -> list[Flaw]:
+    """Whether a command reached a drive that is too old, unless the world stood still by the fault itself."""
+    from_ns = episode.at_ns - WHOLE_NS
+    arrived = while_recorded(episode.frames, logs.ticks(from_ns, episode.until_ns))
+    oldest_ns = oldest_command_ns(arrived, logs.between(topics.CAN_SENT, from_ns, episode.until_ns))
+    if oldest_ns <= age_max_ns + COMES_WITHIN_NS or SIM.name in episode.row.holds_up:
+        return []
+    return [Flaw(f"a command of {oldest_ns * 1e-6:.1f} ms reached a drive", oldest_ns - age_max_ns)]
 
 
 def moved_unarmed(logs: LiveLogs) -> list[str]:

@@ -25,14 +25,13 @@ class LiveLogs:
     Args:
         directory: of the recorder.
         wanted: topics beside those that every judgement needs.
-        least_ns: shorter stalls are not looked for.
 
     Attributes:
         bags: the logs.
         stalls: of all loops.
     """
 
-    def __init__(self, directory: Path, wanted: Collection[str], least_ns: int) -> None:
+    def __init__(self, directory: Path, wanted: Collection[str]) -> None:
         found = [log for log in map(_opened, directory.iterdir()) if log is not None]
         self.bags = sorted(found, key=lambda log: log.start_ns)
         self.stalls: list[Stall] = []
@@ -43,7 +42,7 @@ class LiveLogs:
             for topic, signal in log.read_signals(sorted(parts.keys() & log.channels.keys())).items():
                 parts[topic].append(signal)
                 if topic in ticks:
-                    self.stalls += stalls_in(ticks[topic], signal.values, least_ns)
+                    self.stalls += stalls_in(ticks[topic], signal.values)
         self._signals = {
             topic: Signal(
                 np.concatenate([part.log_ns for part in signals]), np.concatenate([part.values for part in signals])

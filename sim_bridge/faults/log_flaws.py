@@ -3,8 +3,12 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
+from sim_bridge.faults.flaw import Flaw
 from sim_bridge.faults.live_logs import LiveLogs
 
 LOST_MAX_NS = 20_000_000
@@ -15,29 +19,37 @@ RETURNED_NS = 300_000_000
 """Before the end of a trial, by when ticks must be recorded again."""
 
 
-def missing_log(logs: LiveLogs, at_ns: int, until_ns: int, breaks_log: bool, ticks_on: bool = True) -> list[str]:
+def missing_log(
+    logs: LiveLogs, at_ns: int, until_ns: int, period_ns: int, breaks_log: bool, ticks_on: bool = True
+) -> list[Flaw]:
     """What a log lacks.
 
     Args:
         logs: of the trial.
         at_ns: when the fault struck.
         until_ns: until when the trial was watched.
+        period_ns: of the fast loop.
         breaks_log: whether ticks are missing while the fault is there.
         ticks_on: whether control is to tick at the end.
     """
     ticks = logs.ticks(at_ns - WHOLE_NS, at_ns)
     if not len(ticks):
-        return ["the log lacks the time before the fault"]
+        return [Flaw("the log lacks the time before the fault", WHOLE_NS)]
     found = []
-    gaps = np.diff(ticks["index"]) - 1 - ticks["skipped"][1:]
-    if gaps.any():
-        found.append(f"{int(gaps.sum())} ticks before the fault are missing")
+    missing = _missing_ticks(ticks)
+    if missing:
+        found.append(Flaw(f"{missing} ticks before the fault are missing", missing * period_ns))
     lost_ns = at_ns - int(ticks["now_ns"][-1])
     if lost_ns > LOST_MAX_NS:
-        found.append(f"the log lacks the last {lost_ns * 1e-6:.1f} ms before the fault")
-    after = logs.ticks(at_ns, until_ns)
-    if not breaks_log and (np.diff(after["index"]) > 1 + after["skipped"][1:]).any():
-        found.append("ticks after the fault are missing")
+        found.append(Flaw(f"the log lacks the last {lost_ns * 1e-6:.1f} ms before the fault", lost_ns))
+    missing = _missing_ticks(logs.ticks(at_ns, until_ns))
+    if missing and not breaks_log:
+        found.append(Flaw(f"{missing} ticks after the fault are missing", missing * period_ns))
     if ticks_on and not len(logs.ticks(until_ns - RETURNED_NS, until_ns)):
-        found.append("nothing is recorded any more")
+        found.append(Flaw("nothing is recorded any more", RETURNED_NS))
     return found
+
+
+def _missing_ticks(ticks: npt.NDArray[Any]) -> int:
+    """Of those between the first and the last; what was skipped is not missing."""
+    return int(np.maximum(np.diff(ticks["index"]) - 1 - ticks["skipped"][1:], 0).sum())

@@ -24,13 +24,13 @@ from typing import NamedTuple
 
 from runtime.executors.runtime_directory import runtime_directory
 from runtime.recording.recorder_status import read_status
-from runtime.recording.stalls import STALL_NS
 from runtime.robots import topics
 from runtime.signals import Mode
 from sim_bridge.faults.injector import SILENT, Order
-from sim_bridge.faults.live_judge import LOST_MAX_NS, moved_unarmed
+from sim_bridge.faults.live_judge import moved_unarmed
 from sim_bridge.faults.live_logs import LiveLogs
 from sim_bridge.faults.live_session import ROBOT, SCENARIO
+from sim_bridge.faults.log_flaws import LOST_MAX_NS
 from sim_bridge.live_answers import LiveAnswers
 from sim_bridge.live_buses import hub_buses
 from sim_bridge.live_processes import LiveProcesses, wired
@@ -126,7 +126,7 @@ def campaign(victims: Sequence[str], seed: int, out: Path) -> list[str]:
 
 def judge(directory: Path, kills: Sequence[Kill]) -> list[str]:
     """What the logs of one robot show that must not be."""
-    logs = LiveLogs(directory, (), STALL_NS)
+    logs = LiveLogs(directory, ())
     wrong = moved_unarmed(logs)
     for kill in kills:
         findings = list(kill.findings)

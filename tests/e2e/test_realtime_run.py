@@ -49,9 +49,11 @@ def test_the_summary_says_how_it_went_and_looks_for_a_stall_before_each_fault(li
     assert {"recorder", "link", "sim", "control"} == set(summary["resources"])
     assert live.returncode != 0 or summary["completed"]
     assert bool(summary["fault"]) == (live.returncode == 3)
-    stalls = [fault["stall"] for fault in summary["faults"] if fault["stall"] is not None]
-    assert all(stall["ms"] >= 5.0 for stall in stalls)
-    assert summary["completed"] or stalls, "only a machine that stalls keeps the robot from its goal"
+    explained = [fault for fault in summary["faults"] if fault["stall"] is not None]
+    assert all(fault["stall"]["ms"] > fault["bound"]["ms"] for fault in explained)
+    assert summary["completed"] or explained or summary["silences"], (
+        "only a machine that stalls keeps the robot from its goal"
+    )
 
 
 def test_every_recorded_tick_replays_identically(directory):

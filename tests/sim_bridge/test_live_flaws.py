@@ -6,16 +6,27 @@ import pytest
 from sim_bridge.live_flaws import LONG_S, flaws
 
 HELD = {"resident_bytes": 100_000_000, "open_files": 20, "mapped_files": 300}
-STALL = {"loop": "wbc", "ms": 40.0}
+IMU = {
+    "fault": "STALE_IMU|NO_LEASE",
+    "cause": "STALE_IMU",
+    "bound": {"loops": ["sim", "link"], "ms": 16.0},
+    "stall": {"loop": "sim", "ms": 40.0},
+    "stalled_ms": 40.0,
+}
 
 
 def kept(late, early=HELD, duration_s=LONG_S):
-    return flaws([], {"control": {"early": early, "late": late}}, duration_s)
+    return flaws([], [], {"control": {"early": early, "late": late}}, duration_s)
 
 
-def test_only_a_fault_without_a_stall_is_a_flaw():
-    faults = [{"fault": "STALE_IMU", "stall": STALL}, {"fault": "TILT", "stall": None}]
-    assert flaws(faults, {}, None) == ["power was lost to TILT without a stall of this machine before it"]
+def test_only_a_fault_without_a_stall_beyond_its_bound_is_a_flaw():
+    tilt = {"fault": "TILT", "cause": "TILT", "bound": None, "stall": None, "stalled_ms": 0.0}
+    short = IMU | {"stall": None, "stalled_ms": 12.4}
+    assert flaws([IMU, short, tilt], [IMU, short], {}, None) == [
+        "power was lost to STALE_IMU without a stall of sim or link beyond 16 ms before it, but of 12.4 ms",
+        "power was lost to TILT, which no stall of a machine makes",
+        "the robot paused for STALE_IMU without a stall of sim or link beyond 16 ms before it, but of 12.4 ms",
+    ]
 
 
 def test_processes_that_keep_nothing_have_no_flaw():

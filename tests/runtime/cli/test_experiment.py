@@ -108,8 +108,8 @@ def test_faults_are_printed_beside_their_answers_and_a_difference_fails(
 
 
 def verdict_of(name: str, flaws: tuple[str, ...] = (), stall_ms: float = 0.0) -> Verdict:
-    """A trial in real time."""
-    return Verdict(name, ("damp",), ("damp",), 30.0, 12.0, True, flaws, stall_ms)
+    """A trial in real time, whose flaws any stall excuses."""
+    return Verdict(name, ("damp",), ("damp",), 30.0, 12.0, True, flaws, stall_ms, bool(flaws and stall_ms))
 
 
 @pytest.mark.parametrize(

@@ -70,6 +70,9 @@ def test_a_slippery_patch_is_told_of(speeds: tuple[float | None, ...], said: str
     assert rows["slippery patch"] == f"side slip up to 5.7 degrees{said}"
 
 
+SIM_STALL = {"loop": "sim", "ms": 34.2}
+
+
 def test_a_walk_against_the_clock_tells_of_laps_losses_and_what_is_held() -> None:
     early = {"resident_bytes": 120_000_000, "open_files": 20, "mapped_files": 300}
     summary = {
@@ -77,9 +80,12 @@ def test_a_walk_against_the_clock_tells_of_laps_losses_and_what_is_held() -> Non
         "laps": 8,
         "flaws": ["control holds 23 open files, 20 before"],
         "faults": [
-            {"at_ns": 5, "fault": "STALE_IMU", "stall": {"loop": "wbc", "ms": 34.2}},
-            {"at_ns": 9, "fault": "TILT", "stall": None},
+            {"at_ns": 5, "fault": "STALE_IMU", "bound": {"loops": ["sim"], "ms": 16.0}, "stall": SIM_STALL},
+            {"at_ns": 7, "fault": "STALE_IMU", "bound": {"loops": ["sim"], "ms": 16.0}, "stall": None},
+            {"at_ns": 9, "fault": "TILT", "bound": None, "stall": None},
         ],
+        "silences": [{"loop": "wbc", "ms": 231.06, "bound_ms": 25.0}],
+        "pauses": [{"fault": "LATE_LOOP", "bound": {"loops": ["wbc"], "ms": 3.6}, "stall": {"loop": "wbc", "ms": 5.0}}],
         "imu_age_ms": {"median": 0.64, "p99": 2.7, "max": 12.0},
         "resources": {
             "control": {"early": early, "late": early | {"open_files": 23}},
@@ -90,8 +96,11 @@ def test_a_walk_against_the_clock_tells_of_laps_losses_and_what_is_held() -> Non
         ("outcome", "completed"),
         ("flaw", "control holds 23 open files, 20 before"),
         ("laps", "8"),
-        ("power lost", "STALE_IMU, after a stall of wbc of 34 ms"),
-        ("power lost", "TILT, no stall"),
+        ("power lost", "STALE_IMU, after a stall of sim of 34.2 ms beyond 16 ms"),
+        ("power lost", "STALE_IMU, no stall beyond 16 ms"),
+        ("power lost", "TILT, which no stall makes"),
+        ("drives let go", "after a stall of wbc of 231 ms beyond 25 ms"),
+        ("paused", "LATE_LOOP, after a stall of wbc of 5 ms beyond 3.6 ms"),
         ("age of inertial samples", "median 0.64, p99 2.70, max 12.00 ms"),
         ("held by control", "120.0 then 120.0 MB, 20 then 23 open files, 300 then 300 mapped files"),
     ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A fault is laid to the stall that the ticks show before it, and to none where there is none."""
+"""A fault is laid to stalls that fill its own bound in the ticks before it, and to none where they do not."""
 
 from types import SimpleNamespace
 
@@ -7,29 +7,58 @@ import numpy as np
 import pytest
 
 from runtime.recording import run_data
-from runtime.recording.stalls import LOOKBACK_NS, fault_events
+from runtime.recording.stalls import (
+    Stall,
+    StallBound,
+    explanation,
+    fault_events,
+    judged,
+    silences,
+    stalled_ns,
+    stalls_in,
+    taking_power,
+)
 from runtime.signals import Fault, Mode
 
 MS = 1_000_000
+AT_NS = 800 * MS
 TICK = np.dtype(
-    [("release_ns", "<i8"), ("wake_latency_ns", "<i8"), ("compute_ns", "<i8"), ("cpu_ns", "<i8"), ("skipped", "<u4")]
+    [
+        ("index", "<i8"),
+        ("release_ns", "<i8"),
+        ("wake_latency_ns", "<i8"),
+        ("compute_ns", "<i8"),
+        ("cpu_ns", "<i8"),
+        ("skipped", "<u4"),
+    ]
 )
-SAFETY = np.dtype([("mode", "u1"), ("fault", "<u4"), ("warning", "<u4")])
+SAFETY = np.dtype([("stamp_ns", "<i8"), ("mode", "u1"), ("fault", "<u4"), ("warning", "<u4"), ("halt", "<u4")])
+IMU = StallBound(Fault.STALE_IMU, ("link", "sim"), 16 * MS, 20 * MS)
+MOTOR = StallBound(Fault.STALE_MOTOR, ("sim",), 6 * MS, 10 * MS)
+BOUNDS = (IMU, MOTOR)
+
+
+def ticks_of(count, period_ms=2):
+    ticks = np.zeros(count, TICK)
+    ticks["index"] = np.arange(count)
+    ticks["release_ns"] = ticks["index"] * period_ms * MS
+    return ticks
 
 
 class Log:
     """A second of walking, with a fault and stalls."""
 
-    def __init__(self, modes, stalls=()):
+    def __init__(self, modes, stalls=(), halts=()):
         times = np.arange(len(modes), dtype=np.int64) * 2 * MS
         safety = np.zeros(len(modes), SAFETY)
-        safety["mode"] = modes
+        safety["stamp_ns"], safety["mode"] = times, modes
+        for row, fault in halts:
+            safety["halt"][row] = fault
         safety["fault"] = np.where(safety["mode"] == Mode.DAMPED, Fault.STALE_MOTOR, 0)
         safety["warning"] = np.where(safety["mode"] == Mode.CROUCHING, Fault.STALE_IMU, 0)
         self.signals = {run_data.SAFETY: SimpleNamespace(log_ns=times, values=safety)}
         for loop in ("wbc", "sim"):
-            ticks = np.zeros(len(modes), TICK)
-            ticks["release_ns"] = times
+            ticks = ticks_of(len(modes))
             for name, row, wake_ms, compute_ms in stalls:
                 if name == loop:
                     ticks["wake_latency_ns"][row], ticks["compute_ns"][row] = wake_ms * MS, compute_ms * MS
@@ -40,53 +69,136 @@ class Log:
         return self.signals[topic]
 
 
-def walk(*lost):
-    return [Mode.ACTIVE] * 400 + list(lost) + [Mode.DAMPED] * 50
+def walk(*others):
+    return [Mode.ACTIVE] * 400 + list(others) + [Mode.DAMPED] * 50
 
 
-@pytest.mark.parametrize(("wake_ms", "compute_ms"), [(12, 0), (0, 12), (6, 6)])
-def test_the_longest_stall_shortly_before_the_fault_explains_it(wake_ms, compute_ms):
-    (event,) = fault_events(Log(walk(), [("sim", 398, wake_ms, compute_ms), ("wbc", 390, 6, 0)]), 5 * MS)
-    assert event.at_ns == 800 * MS
-    assert event.fault == Fault.STALE_MOTOR
-    assert (event.stall.loop, event.stall.length_ns) == ("sim", 12 * MS)
+def lost(fault, bounds, stalls):
+    return judged(fault, taking_power(fault), AT_NS, bounds, stalls)
+
+
+@pytest.mark.parametrize(("wake_ms", "compute_ms"), [(8, 0), (0, 8), (4, 4)])
+def test_a_stall_beyond_the_bound_explains_the_fault(wake_ms, compute_ms):
+    (event,), _ = fault_events(Log(walk(), [("sim", 396, wake_ms, compute_ms)]), BOUNDS)
+    assert event.at_ns == AT_NS
+    assert event.fault == event.cause == Fault.STALE_MOTOR
+    assert event.bound == MOTOR
+    assert event.stall == Stall("sim", 792 * MS, 8 * MS)
 
 
 @pytest.mark.parametrize(
     "stalls",
-    [[], [("sim", 398, 4, 0)], [("sim", 399 - (LOOKBACK_NS // MS + 20) // 2, 12, 0)], [("sim", 401, 12, 0)]],
-    ids=["none", "too short", "too early", "after it"],
+    [[], [("sim", 397, 6, 0)], [("sim", 300, 30, 0)], [("sim", 406, 30, 0)], [("wbc", 396, 30, 0)]],
+    ids=["none", "no longer than the bound", "long before it", "after it", "of a loop that does not bring it"],
 )
-def test_a_fault_without_a_stall_before_it_has_none(stalls):
-    (event,) = fault_events(Log(walk(), stalls), 5 * MS)
+def test_a_fault_without_such_a_stall_before_it_is_not_explained(stalls):
+    (event,), _ = fault_events(Log(walk(), stalls), BOUNDS)
     assert event.stall is None
+    assert event.bound == MOTOR
+    assert event.stalled_ns <= MOTOR.bound_ns
 
 
-def with_overruns(own_ms):
-    """Four overruns in a row before the fault, of 3 ms each, of which the step itself computed some."""
-    log = Log(walk())
-    ticks = log.signals["/ugv/tick/wbc"].values
-    rows = slice(390, 394)
-    ticks["compute_ns"][rows], ticks["cpu_ns"][rows] = 3 * MS, int(own_ms * MS)
-    ticks["skipped"][391:395] = 1
-    return log
+def test_a_fault_that_no_stall_makes_is_explained_by_none():
+    event = lost(Fault.TILT, BOUNDS, [Stall("sim", AT_NS - 500 * MS, 500 * MS)])
+    assert (event.cause, event.bound, event.stall) == (Fault.TILT, None, None)
 
 
-def test_overruns_in_a_row_for_which_the_machine_took_the_time_are_one_stall():
-    (event,) = fault_events(with_overruns(own_ms=0.5), 5 * MS)
-    assert (event.stall.loop, event.stall.length_ns) == ("wbc", 10 * MS)
+def test_of_several_faults_each_that_takes_the_power_needs_its_stall():
+    stalls = [Stall("sim", AT_NS - 10 * MS, 10 * MS)]
+    both = lost(Fault.STALE_MOTOR | Fault.STALE_IMU, BOUNDS, stalls)
+    assert (both.cause, both.stall) == (Fault.STALE_IMU, None), "10 of 16 ms"
+    bridged = lost(Fault.STALE_MOTOR | Fault.NO_LEASE | Fault.LATE_FORCES, BOUNDS, stalls)
+    assert bridged.cause == Fault.STALE_MOTOR
+    assert bridged.stall is not None
+
+
+def test_a_fault_with_several_bounds_is_explained_by_any():
+    bounds = (MOTOR, StallBound(Fault.STALE_MOTOR, ("drive",), 40 * MS, 60 * MS))
+    event = lost(Fault.STALE_MOTOR, bounds, [Stall("drive", AT_NS - 50 * MS, 50 * MS)])
+    assert event.bound == bounds[1]
+    assert event.stall == Stall("drive", AT_NS - 50 * MS, 50 * MS)
+
+
+@pytest.mark.parametrize(
+    ("stalls", "kept_ms"),
+    [
+        ([("sim", -20, 10), ("link", -10, 8)], 18),
+        ([("link", -20, 7), ("link", -12, 5), ("link", -5, 5)], 17),
+        ([("sim", -20, 12), ("link", -18, 12)], 14),
+        ([("sim", -20, 12), ("link", -18, 4)], 12),
+        ([("sim", -100, 90)], 10),
+        ([("link", -3, 30)], 3),
+    ],
+    ids=["one after the other", "several of one loop", "overlapping", "within", "begun before", "going on after"],
+)
+def test_stalls_count_together_but_each_moment_once_and_only_in_its_time(stalls, kept_ms):
+    found = [Stall(loop, AT_NS + at_ms * MS, length_ms * MS) for loop, at_ms, length_ms in stalls]
+    assert stalled_ns(found, AT_NS - 20 * MS, AT_NS) == kept_ms * MS
+    stall, kept_ns = explanation(IMU, found, AT_NS)
+    assert kept_ns == kept_ms * MS
+    assert (stall is not None) is (kept_ms > 16)
+
+
+def test_a_stall_is_told_in_its_whole_length_and_several_as_one():
+    (several, _), (long, _) = (
+        explanation(IMU, [Stall("link", AT_NS + at_ms * MS, length_ms * MS) for at_ms, length_ms in stalls], AT_NS)
+        for stalls in ([(-20, 7), (-12, 11)], [(-70, 68)])
+    )
+    assert several == Stall("link", AT_NS - 12 * MS, 18 * MS)
+    assert long == Stall("link", AT_NS - 70 * MS, 68 * MS)
+
+
+def test_a_stall_of_the_simulator_may_have_been_a_period_of_its_ticks_sooner_than_they_tell():
+    assert stalled_ns([Stall("sim", AT_NS - 1 * MS, 8 * MS)], AT_NS - 10 * MS, AT_NS) == 8 * MS
+    assert stalled_ns([Stall("sim", AT_NS + 5 * MS, 8 * MS)], AT_NS - 10 * MS, AT_NS) == 5 * MS
+    assert stalled_ns([Stall("wbc", AT_NS - 1 * MS, 8 * MS)], AT_NS - 10 * MS, AT_NS) == 1 * MS
 
 
 def test_what_a_loop_computed_itself_is_no_stall():
-    (event,) = fault_events(with_overruns(own_ms=2.5), 5 * MS)
-    assert event.stall is None
+    ticks = ticks_of(5)
+    ticks["compute_ns"], ticks["cpu_ns"] = 30 * MS, [30 * MS, 28 * MS, 29 * MS, 30 * MS, 30 * MS]
+    assert stalls_in("wbc", ticks, 2 * MS) == [Stall("wbc", 2 * MS, 2 * MS)]
+
+
+def test_periods_that_were_skipped_have_passed_whatever_wake_and_step_took():
+    ticks = ticks_of(4)
+    ticks["index"][2:] += 4
+    ticks["release_ns"] = ticks["index"] * 2 * MS
+    ticks["skipped"][2], ticks["cpu_ns"] = 4, MS
+    assert stalls_in("wbc", ticks) == [Stall("wbc", 2 * MS, 7 * MS)]
+
+
+def test_of_ticks_that_are_missing_in_the_log_nothing_is_known():
+    ticks = ticks_of(4)
+    ticks["index"][2:] += 5
+    ticks["release_ns"] = ticks["index"] * 2 * MS
+    ticks["skipped"][2] = 4
+    assert stalls_in("wbc", ticks) == []
 
 
 def test_a_crouch_and_the_damping_after_it_are_one_event():
-    (event,) = fault_events(Log(walk(*[Mode.CROUCHING] * 20)), 5 * MS)
+    (event,), _ = fault_events(Log(walk(*[Mode.CROUCHING] * 20)), BOUNDS)
     assert event.fault == Fault.STALE_IMU
-    assert event.at_ns == 800 * MS
+    assert event.at_ns == AT_NS
+
+
+def test_drives_that_hear_nothing_for_too_long_let_go_unless_they_had_before():
+    stalls = [("wbc", 100, 26, 0), ("wbc", 200, 25, 0), ("sim", 300, 40, 0), ("wbc", 420, 40, 0)]
+    assert silences(Log(walk(), stalls), "wbc", 25 * MS) == [Stall("wbc", 200 * MS, 26 * MS)]
 
 
 def test_a_robot_that_sits_down_lost_nothing():
-    assert fault_events(Log([Mode.ACTIVE] * 10 + [Mode.STANDING] * 10 + [Mode.STANDBY] * 10), 5 * MS) == []
+    assert fault_events(Log([Mode.ACTIVE] * 10 + [Mode.STANDING] * 10 + [Mode.STANDBY] * 10), BOUNDS) == ([], [])
+
+
+def test_a_robot_on_its_way_that_a_fault_has_stand_pauses():
+    late = StallBound(Fault.LATE_LOOP, ("wbc",), 3 * MS, 12 * MS)
+    halts = [(slice(100, 200), Fault.LATE_LOOP), (300, Fault.LATE_LOOP | Fault.NO_LEASE), (410, Fault.NO_LEASE)]
+    modes = [Mode.ACTIVE] * 400 + [Mode.STANDING] * 50
+    losses, pauses = fault_events(Log(modes, [("wbc", 98, 4, 0)], halts), [late])
+    assert losses == []
+    assert [(pause.at_ns, pause.cause) for pause in pauses] == [
+        (200 * MS, Fault.LATE_LOOP),
+        (600 * MS, Fault.NO_LEASE),
+    ]
+    assert [pause.stall for pause in pauses] == [Stall("wbc", 196 * MS, 4 * MS), None]
