@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,8 @@ _CONT, _DETACH, _SEIZE, _INTERRUPT = 7, 17, 0x4206, 0x4207
 """Requests of ptrace(2)."""
 WAIT_FOR_THREADS = 0x40000000
 """Option of waitpid(2): also for threads that are no children."""
+_GOES_ON_S = 0.0001
+"""A thread that was not asleep gets so far before it is stopped again; else it would not come to its sleep."""
 _CLOCK_NANOSLEEP = {"x86_64": "230", "aarch64": "115"}[os.uname().machine]
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _LIBC.ptrace.argtypes = (ctypes.c_long, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
@@ -44,6 +47,7 @@ def held(thread: int) -> Iterator[None]:
             if Path(f"/proc/{thread}/syscall").read_text().split()[0] == _CLOCK_NANOSLEEP:
                 break
             _ptrace(_CONT, thread)
+            time.sleep(_GOES_ON_S)
         yield
     finally:
         if Path(f"/proc/{thread}").exists():
