@@ -69,7 +69,7 @@ class LiveProcesses:
         self._task = msgspec.structs.replace(task, config=str(file))
         self._ugv = [sys.executable, "-m", "runtime.cli.main", "run", config.robot, "--config", str(file)]
         self._ugv += ["--runtime-dir", str(directory), "--log-dir", str(out.resolve()), "--process"]
-        self.processes = Processes()
+        self.processes = Processes(directory=directory)
         self.refused: list[str] = []
 
     def __enter__(self) -> LiveProcesses:

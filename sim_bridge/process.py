@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,7 +26,6 @@ from drivers.device_end import DeviceEnd, open_device_end
 from runtime.executors.companions import SIM, CompanionTicks
 from runtime.executors.linux import lock_memory, run_first
 from runtime.executors.loop_run import InputPort
-from runtime.executors.runtime_directory import remove_if_orphaned
 from runtime.executors.tick_stream import OBSERVER_SOCKET, RECORDER_SOCKET, TickListener, TickStream
 from runtime.link.loop import link_loop
 from runtime.records import Record
@@ -76,8 +76,8 @@ class Task(msgspec.Struct):
 
 
 def _answer(**entries: object) -> None:
-    sys.stdout.write(json.dumps(entries) + "\n")
-    sys.stdout.flush()
+    with suppress(BrokenPipeError):  # nobody hears it any more: SIGTERM is on its way
+        os.write(sys.stdout.fileno(), json.dumps(entries).encode() + b"\n")
 
 
 class Part(NamedTuple):
@@ -136,7 +136,6 @@ def _live(task: Task, config: RobotConfig, course: Scenario, directory: Path) ->
         if task.operator_at:
             way = msgspec.structs.replace(config.link, listen=(task.operator_at,))
             operator_ros = stack.enter_context(RosOutlet(way, "ugv_operator"))
-        stack.callback(remove_if_orphaned, directory)
         stack.callback(remove_orphaned_links)
         world = simulation.world(course, course.terrain(task.seed), wires, task.seed)
         mirror = TickMirror(loops, (*WATCHED, *simulation.watched), listener)

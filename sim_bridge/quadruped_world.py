@@ -106,6 +106,11 @@ class QuadrupedWorld(World):
         """True joint positions, rad; a view."""
         return self._joint_position
 
+    @property
+    def joint_velocities(self) -> Array:
+        """True joint velocities, rad/s; a view."""
+        return self._joint_velocity
+
     def contact_forces(self) -> Array:
         """Ground reaction on each foot and its shank in the last step, in odom, (4, 3), N; a view.
 

@@ -52,6 +52,7 @@ class VirtualDrives:
         rejections: frames refused since start, indexed by `Rejection`.
         clipped_replies: batches of replies in which a value exceeded the range of its field, since start.
         applied: (n,) N.m, torque at the joints of the last `torque`.
+        asked: (n,) N.m, likewise what the commands in force asked for, before the limits of the motors.
         enabled: (n,) whether each drive is switched on.
     """
 
@@ -98,7 +99,7 @@ class VirtualDrives:
         if now_ns > self._deadline_ns:
             self._check_timeouts(now_ns)
         self._encoders.measure(position, velocity)
-        _torque(self._in_force, self._measured, velocity, self._peak, self._slope, self.applied)
+        _torque(self._in_force, self._measured, velocity, self._peak, self._slope, self.asked, self.applied)
         return self.applied
 
     def _warm(self, now_ns: int) -> None:
@@ -260,6 +261,7 @@ class VirtualDrives:
         rows, joints = self._codec.replies.rows, self.joints
         self._reply_values = np.zeros((len(rows), len(joints)))
         self._measured, self.applied = self._reply_values[:2], self._reply_values[rows["effort"]]
+        self.asked = np.zeros(len(joints))
         self._encoders.write_to(self._measured)
         self._error_row = rows.get("error")
         self._temperature_rows = [rows[name] for name in ("temperature", "driver_temperature") if name in rows]
@@ -282,14 +284,15 @@ def _torque(
     velocity: FloatArray,
     peak: FloatArray,
     slope: FloatArray,
+    asked: FloatArray,
     torque: FloatArray,
 ) -> None:
-    """The PD law of n drives, within their torque-speed curves, into `torque`."""
+    """The PD law of n drives into `asked`, and within their torque-speed curves into `torque`."""
     for drive in range(torque.shape[0]):
         wanted = commands[_STIFFNESS, drive] * (commands[_POSITION, drive] - measured[0, drive])
         wanted += commands[_DAMPING, drive] * (commands[_VELOCITY, drive] - measured[1, drive])
-        wanted += commands[_EFFORT, drive]
-        torque[drive] = available_torque(wanted, velocity[drive], peak[drive], slope[drive])
+        asked[drive] = wanted + commands[_EFFORT, drive]
+        torque[drive] = available_torque(asked[drive], velocity[drive], peak[drive], slope[drive])
 
 
 def _inner_units(encoders: Encoders) -> Transform:

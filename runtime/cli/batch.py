@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from runtime.cli.console import ReportProgress
 from runtime.cli.sil import simulate
 from runtime.errors import UgvError
-from runtime.executors.processes import end_with_parent
+from runtime.executors.orphans import end_with_parent
 
 Summary = dict[str, Any]
 Item = TypeVar("Item")
@@ -58,7 +58,7 @@ def in_processes(run: Callable[[Item], Result], items: Sequence[Item], progress:
     """Call a function of a module with each item, and return the results in the order of the items."""
     context = multiprocessing.get_context("spawn")
     workers = min(len(items), os.cpu_count() or 1)
-    with concurrent.futures.ProcessPoolExecutor(workers, context, end_with_parent) as pool:
+    with concurrent.futures.ProcessPoolExecutor(workers, context, end_with_parent, (os.getpid(),)) as pool:
         running = [pool.submit(run, item) for item in items]
         try:
             for done, _ in enumerate(concurrent.futures.as_completed(running), start=1):

@@ -3,10 +3,8 @@
 
 from __future__ import annotations
 
-import concurrent.futures
-import multiprocessing
-import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -59,19 +57,12 @@ def try_fault(number: int, seeds: Sequence[int]) -> Outcome:
 
 def run_faults(phases: int) -> int:
     """Try every fault at some phases of the gait and print the table; 1 if anything is not as it is to be."""
+    from runtime.cli.batch import in_processes
     from runtime.cli.console import print_table, progress_bar
     from sim_bridge.faults.virtual_campaign import ALL_ROWS
 
-    context = multiprocessing.get_context("spawn")
-    workers = min(len(ALL_ROWS), os.cpu_count() or 1)
-    with (
-        progress_bar("faults") as progress,
-        concurrent.futures.ProcessPoolExecutor(workers, mp_context=context) as pool,
-    ):
-        running = [pool.submit(try_fault, number, range(phases)) for number in range(len(ALL_ROWS))]
-        for done, _ in enumerate(concurrent.futures.as_completed(running), start=1):
-            progress(done, len(ALL_ROWS))
-        outcomes = [trial.result() for trial in running]
+    with progress_bar("faults") as progress:
+        outcomes = in_processes(partial(try_fault, seeds=range(phases)), range(len(ALL_ROWS)), progress)
     title = f"Faults, each at {phases} random phase{'' if phases == 1 else 's'} of the trot"
     print_table(title, HEADER, [_row(outcome) for outcome in outcomes])
     for outcome in outcomes:

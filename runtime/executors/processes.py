@@ -3,25 +3,26 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import socket
 import subprocess
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from functools import partial
+from pathlib import Path
 from types import TracebackType
 
 from runtime.errors import UgvError
+from runtime.executors.orphans import OrphanWatch, end_with_parent
 from runtime.executors.resources import Resources, resources_of
+from runtime.executors.runtime_directory import held
 
 STOP_WITHIN_S, READY_WITHIN_S = 10.0, 300.0
 """The first start on a machine translates the control loops."""
 _LOOK_S = 0.2
 _LONGEST_STATE = 256
-_PR_SET_PDEATHSIG = 1
-_LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 class ProcessError(UgvError):
@@ -30,18 +31,19 @@ class ProcessError(UgvError):
     exit_code = 1
 
 
-def end_with_parent() -> None:
-    """Have the system end the calling process when the thread that started it ends, however that comes."""
-    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-
-
 class Processes:
     """Subprocesses by name, each in a process group of its own. The starting thread must live as long as they do.
 
-    Use as a context manager: leaving it stops them, the last one started first.
+    Use as a context manager: leaving it stops them, the last one started first. Should this process be killed, they are
+    told to end.
+
+    Args:
+        orphaned_for_s: those that have not ended so long after this process was killed are killed too.
+        directory: of `runtime_directory`, if they meet in one: it then stays until the last of them has ended.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, orphaned_for_s: float = STOP_WITHIN_S, directory: Path | None = None) -> None:
+        self._orphaned_for_s, self._directory = orphaned_for_s, directory
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._listeners: dict[str, socket.socket] = {}
 
@@ -55,8 +57,9 @@ class Processes:
             stdout=pipe,
             env={**os.environ, "NOTIFY_SOCKET": address},
             start_new_session=True,
-            preexec_fn=end_with_parent,
+            preexec_fn=partial(end_with_parent, os.getpid()),
         )
+        self._watch.started(process.pid)
         self._running[name] = process
         return process
 
@@ -130,9 +133,14 @@ class Processes:
         for stream in (process.stdin, process.stdout):
             if stream is not None:
                 stream.close()
-        return process.wait()
+        code = process.wait()
+        self._watch.ended(process.pid)
+        return code
 
     def __enter__(self) -> Processes:
+        with ExitStack() as stack:
+            kept = () if self._directory is None else (stack.enter_context(held(self._directory)),)
+            self._watch = OrphanWatch(self._orphaned_for_s, kept)
         return self
 
     def __exit__(
@@ -140,6 +148,7 @@ class Processes:
     ) -> None:
         for name in reversed(self.names):
             self.stop(name)
+        self._watch.close()
 
 
 def _manager_socket() -> tuple[socket.socket, str]:

@@ -2,7 +2,8 @@
 """Tick datagrams from the loops to another process, over a socket file: the loops never wait for it.
 
 The listener owns the file, and any number of streams send to it, each from a process of its own. A stream looks for its
-listener again from time to time, and counts the datagrams that it could not hand over.
+listener when it is made, so that the loops find it connected, and again from time to time; it counts the datagrams that
+it could not hand over.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class TickStream:
     def __init__(self, path: Path) -> None:
         self.dropped = 0
         self._path = str(path)
-        self._end: socket.socket | None = None
+        self._end = self._connection()
         self._connecting, self._look_again_ns = threading.Lock(), 0
 
     def write(self, datagram: bytes) -> None:
@@ -56,7 +57,8 @@ class TickStream:
             if error == 0:
                 return
             if error != errno.EAGAIN:
-                self._end = None
+                if self._end is end:  # another thread may have a new one by now
+                    self._end = None
                 end.close()
         self.dropped += 1
 
@@ -67,17 +69,20 @@ class TickStream:
             return None
         try:
             self._look_again_ns = now_ns + LOOK_AGAIN_NS
-            end = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
-            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-            try:
-                end.connect(self._path)
-            except OSError:
-                end.close()
-                return None
-            self._end = end
+            self._end = end = self._connection()
             return end
         finally:
             self._connecting.release()
+
+    def _connection(self) -> socket.socket | None:
+        end = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
+        end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        try:
+            end.connect(self._path)
+        except OSError:
+            end.close()
+            return None
+        return end
 
     def close(self) -> None:
         """Let the listener see the end of the stream."""

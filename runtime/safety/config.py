@@ -81,7 +81,8 @@ class SafetyConfig(CommonSafetyConfig, frozen=True, forbid_unknown_fields=True):
         position_margin_rad: as said.
         velocity_max_radps: commanded joint velocities above are clipped; measured ones damp the robot.
         stiffness_max_nm_prad, damping_max_nms_prad: commanded gains are clipped to between zero and these.
-        effort_max_nm: feed-forward torques above are clipped.
+        effort_max_nm: feed-forward torques are clipped to this; and further, so that with what stiffness and damping
+            add to them, as the joint was last measured, its drive is asked for no more.
         effort_rate_max_nmps: feed-forward torques that change faster are limited.
         saturation_nm, saturation_ns: a joint that gives more torque than that for so long is saturated.
         missing_replies_max: ticks in a row that a joint may go on with its last reply.

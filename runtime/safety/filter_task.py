@@ -197,16 +197,18 @@ def _filter(
         output.damping[:] = config.damping_nms_prad
         memory.effort[:] = 0.0
         return
-    one = np.ones(low.shape[0])
-    strongest, fastest = config.effort_max_nm * one, config.velocity_max_radps * one
-    if memory.derated != 0:
-        strongest = config.derated_effort_nm * one
-    lowest = np.maximum(-strongest, np.minimum(strongest, memory.effort - effort_step))
-    highest = np.maximum(-strongest, np.minimum(strongest, memory.effort + effort_step))
+    one, joints = np.ones(low.shape[0]), inputs.joints[0]
+    fastest = config.velocity_max_radps * one
+    strongest = (config.derated_effort_nm if memory.derated != 0 else config.effort_max_nm) * one
     altered = within(command.position, low, high, output.position)
     altered += within(command.velocity, -fastest, fastest, output.velocity)
-    altered += within(command.effort, lowest, highest, output.effort)
     altered += within(command.stiffness, 0.0 * one, config.stiffness_max_nm_prad * one, output.stiffness)
     altered += within(command.damping, 0.0 * one, config.damping_max_nms_prad * one, output.damping)
+    held = output.stiffness * (output.position - joints.position) + output.damping * (output.velocity - joints.velocity)
+    lowest = np.maximum(-strongest, np.minimum(strongest, -strongest - held))
+    highest = np.maximum(-strongest, np.minimum(strongest, strongest - held))
+    slowest = np.maximum(lowest, np.minimum(highest, memory.effort - effort_step))
+    quickest = np.maximum(lowest, np.minimum(highest, memory.effort + effort_step))
+    altered += within(command.effort, slowest, quickest, output.effort)
     memory.limited += altered
     memory.effort[:] = output.effort

@@ -51,10 +51,16 @@ def campaign(
         told: told each trial as it is done.
     """
     done = Campaign({row.name: [] for row in rows}, {}, [])
-    for session in range(phases * TRIES):
-        left = [row for row in rows if row.name not in done.untried and len(done.shown(row.name)) < phases]
+    configurations = list(dict.fromkeys(tuple(row.settings.items()) for row in rows))
+    for session in range(phases * TRIES * len(configurations)):
+        settings = dict(configurations[session % len(configurations)])
+        left = [
+            row
+            for row in rows
+            if row.settings == settings and row.name not in done.untried and len(done.shown(row.name)) < phases
+        ]
         if not left:
-            break
+            continue
         with tempfile.TemporaryDirectory(prefix="ugv-faults-") as passing:
             logs = Path(passing) / f"robot-{session}"
             logs.mkdir()
@@ -76,8 +82,10 @@ def _session(
 ) -> None:
     done.untried.update((row.name, row.needs.value) for row in rows if row.needs and not granted[row.needs])
     possible = [row for row in rows if row.name not in done.untried]
+    if not possible:
+        return
     episodes = play(possible, seed, logs, told)
-    config = load_configuration(ROBOT)
+    config = load_configuration(ROBOT, possible[0].settings)
     assert isinstance(config, Uslgo1Config)
     read = LiveLogs(logs, {row.counted[0] for row in possible if row.counted is not None})
     for episode in episodes:

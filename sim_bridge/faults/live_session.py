@@ -76,7 +76,7 @@ def play(rows: Sequence[LiveRow], seed: int, logs: Path, told: Callable[[str], N
     """Try faults in turn on one robot; gives those that could be tried.
 
     Args:
-        rows: the faults.
+        rows: the faults, all of one configuration.
         seed: of the phases of the gait, and of what the faults leave to chance.
         logs: directory for the bags.
         told: told the name of each fault that was tried, and why the rest was not.
@@ -85,7 +85,7 @@ def play(rows: Sequence[LiveRow], seed: int, logs: Path, told: Callable[[str], N
         ProcessError: if a process ends that is not to.
     """
     episodes: list[Episode] = []
-    with runtime_directory() as directory, wired(ROBOT, {}, directory, hub_buses) as (config, _):
+    with runtime_directory() as directory, wired(ROBOT, rows[0].settings, directory, hub_buses) as (config, _):
         assert isinstance(config, Uslgo1Config)
         port = int(config.link.listen[0].rpartition(":")[2])
         with Relay(port) as relay:
@@ -95,6 +95,8 @@ def play(rows: Sequence[LiveRow], seed: int, logs: Path, told: Callable[[str], N
                 answers = LiveAnswers(live.answers())
                 stage = Stage(config, live, relay, logs, random.Random(seed), held)
                 for row in rows:
+                    if row.prepare is not None:
+                        row.prepare(stage)
                     struck = len(answers.struck)
                     live.order(Order(row.name, seed, row.lasts_ns))
                     if not answers.wait_for_more(answers.struck, struck, WALKS_WITHIN_S):

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
@@ -12,8 +12,9 @@ from runtime.link.loop import STATUS
 from runtime.recording.recorder_status import RecorderStatus
 from runtime.robots import topics
 from runtime.robots.uslgo1.config import Uslgo1Config
-from runtime.signals import Fault
+from runtime.signals import Fault, Motion, Request
 from sim_bridge.faults import stage
+from sim_bridge.faults.operator import asks_for, insert, interrupted, says
 from sim_bridge.faults.stage import Act, continued, killed, started_again, stopped
 from sim_bridge.faults.table import (
     CROUCH,
@@ -31,6 +32,8 @@ from sim_bridge.faults.table import (
     plan_given_up,
     plan_missing,
     stood,
+    ticks,
+    velocity_old,
 )
 from sim_bridge.faults.wires import FOREVER_NS, Inject, Wires
 from sim_bridge.live_world import LONGEST_LAG_NS
@@ -41,6 +44,8 @@ BUS_BACK_NS = 300 * MS
 """After so long a bus that was lost is back, so that the robot can be reset."""
 LINGER_NS = 500 * MS
 """How long to go on watching after the last answer is due."""
+OVERRUN_NS, OVERRUNS = 4 * MS, 20
+"""How long the fast loop is held before a tick, and before how many; between two of them one may come on time."""
 REJECTED_MESSAGES = (STATUS, "rejected")
 
 
@@ -60,7 +65,8 @@ class LiveRow:
         answer: what the robot is to do, in order; see `Row`.
         bound_ns: how soon, of the configuration.
         inject: breaks the wires, in the simulator;
-        act, mend: or something beside them, and puts it right again.
+        act, mend: or something beside them, and puts it right again;
+        prepare: makes ready for it what takes time.
         lasts_ns: how long the fault is there; what is there for good ends when its answer was seen.
         after_ns: how long to go on watching then.
         fault: bits by which it is to be named.
@@ -70,12 +76,14 @@ class LiveRow:
         recorder: what the recorder says of itself while the fault is there.
         needs: what it takes that may not be granted.
         breaks_log: whether ticks are missing while it is there.
+        settings: configuration that shows this answer.
     """
 
     name: str
     answer: tuple[str, ...]
     bound_ns: Bound = at_once
     inject: Inject | None = None
+    prepare: Act | None = None
     act: Act | None = None
     mend: Act | None = None
     lasts_ns: int = FOREVER_NS
@@ -87,6 +95,7 @@ class LiveRow:
     recorder: Callable[[RecorderStatus], bool] | None = None
     needs: Need | None = None
     breaks_log: bool = False
+    settings: dict[str, str] = field(default_factory=dict)
 
     def watched_ns(self, config: Uslgo1Config) -> int:
         """How long the fault is there."""
@@ -115,6 +124,7 @@ def on_the_wires(name: str, **changes: Any) -> LiveRow:
         "after_ns": after_ns,
         "fault": row.fault,
         "counted": row.counted,
+        "settings": row.settings,
     }
     return LiveRow(name, row.answer, bound, **{**same, **changes})
 
@@ -130,6 +140,18 @@ def clock_ahead(wires: Wires, begin_ns: int, end_ns: int) -> None:
     wires.filter(topics.IMU, change)
 
 
+def velocity_lapses(wires: Wires, begin_ns: int, end_ns: int) -> None:
+    """The operator asks for a velocity and says no more of it, and at the end asks to walk along the path again."""
+    interrupted(asks_for(0.4, 0.1, 0.3))(wires, begin_ns, end_ns)
+    anew = [says(Request.MOTION, motion) for motion in (Motion.STAND, Motion.WALK)]
+    insert(wires, topics.OPERATOR_EVENT, end_ns, anew)
+
+
+def overrun_again_and_again(config: Uslgo1Config) -> int:
+    """Until a loop that was held so often, and took a tick or two in between, has overrun often enough."""
+    return OVERRUNS * (OVERRUN_NS + 2 * config.loops.wbc_period_ns)
+
+
 def _failed(status: RecorderStatus) -> bool:
     return not status.recording and bool(status.error)
 
@@ -142,7 +164,9 @@ LIVE_ROWS = (
     on_the_wires("bus flooded", lasts_ns=BUS_BACK_NS),
     on_the_wires("malformed frames"),
     on_the_wires("motor fault"),
+    on_the_wires("motor fault, derated"),
     on_the_wires("over-temperature"),
+    on_the_wires("over-temperature, damped"),
     on_the_wires("torque saturated"),
     on_the_wires("leg out of range"),
     on_the_wires("under-voltage"),
@@ -172,6 +196,16 @@ LIVE_ROWS = (
         holds_up=("wbc", "mpc"),
     ),
     LiveRow(
+        "WBC held for 4 ms, again and again",
+        DAMP,
+        overrun_again_and_again,
+        act=stage.loop_held_again_and_again("wbc", OVERRUN_NS * 1e-9, OVERRUNS),
+        lasts_ns=500 * MS,
+        fault=Fault.OVERRUNS,
+        counted=SKIPPED,
+        holds_up=("wbc", "mpc"),
+    ),
+    LiveRow(
         "MPC held for 400 ms",
         PAUSE,
         carried(plan_missing),
@@ -192,7 +226,26 @@ LIVE_ROWS = (
         holds_up=("mpc",),
     ),
     on_the_wires("operator silent"),
+    LiveRow(
+        "velocity silent for 3 s",
+        PAUSE,
+        carried(stood(velocity_old)),
+        velocity_lapses,
+        lasts_ns=3000 * MS,
+        after_ns=2500 * MS,
+    ),
     on_the_wires("lease released"),
+    LiveRow(
+        "lease held by another",
+        PAUSE,
+        carried(stood(ticks(2))),
+        prepare=stage.teleoperator_ready,
+        act=stage.lease_taken_over,
+        mend=stage.released,
+        lasts_ns=2500 * MS,
+        after_ns=2500 * MS,
+        counted=(topics.OPERATOR, "leases"),
+    ),
     on_the_wires("emergency stop"),
     on_the_wires("malformed path", lasts_ns=300 * MS, counted=REJECTED_MESSAGES),
     LiveRow(

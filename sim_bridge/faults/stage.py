@@ -6,17 +6,20 @@ from __future__ import annotations
 import os
 import random
 import signal
+import threading
 import time
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.executors.linux import run_first
 from runtime.link import topics as ros
 from runtime.messages import definitions
 from runtime.messages.keys import DEFAULT_QUALITY
-from runtime.messages.session import RosSession, session_config
+from runtime.messages.session import Publisher, RosSession, session_config
+from runtime.messages.twist import encode_twist
 from runtime.robots.uslgo1.config import Uslgo1Config
 from sim_bridge.faults.held_thread import held, thread_of
 from sim_bridge.faults.relay import Relay
@@ -29,11 +32,15 @@ EVERYONE = ("control", "link", "recorder", "sim")
 SUBSCRIBERS = 12
 MALFORMED = 20
 """Messages on each topic."""
+SPEAKS_EVERY_S = 0.1
+"""The holder of a lease."""
 CLOCK_STEP_NS = 60_000_000_000
 _FILLER = ".filler"
 _RECORDED_MEANWHILE_BYTES, _BLOCK_BYTES = 32 << 20, 64 << 10
 _FREED_BYTES = 128 << 20
 """Not all: a host that is given gigabytes back at once may hold up its guests."""
+_TICK_S = 0.0006
+"""A loop that was held and is let go has taken its tick by then, and sleeps."""
 _BABBLED = (ros.IMU, ros.LOCALIZATION, ros.BATTERY, ros.PATH, ros.PATH_SPEED, ros.CMD_VEL, ros.MOTION)
 """Topics on which no few bytes are a request by chance."""
 _SENT = {
@@ -54,6 +61,7 @@ class Stage:
         logs: directory in which the recorder makes bags.
         chance: for what a fault leaves to it.
         held: what is let go when the fault ends.
+        publishers: that were made ready for it, by topic.
     """
 
     config: Uslgo1Config
@@ -62,6 +70,7 @@ class Stage:
     logs: Path
     chance: random.Random
     held: ExitStack
+    publishers: dict[str, Publisher] = field(default_factory=dict)
 
     @property
     def away(self) -> Path:
@@ -126,6 +135,30 @@ def loop_held_for(name: str, duration_s: float) -> Act:
     return act
 
 
+def loop_held_again_and_again(name: str, duration_s: float, times: int) -> Act:
+    """A loop of control stands still before each of many ticks."""
+
+    def act(stage: Stage) -> None:
+        thread = _loop(stage, name)
+        with _before_all_loops(stage):
+            for _ in range(times):
+                with held(thread):
+                    time.sleep(duration_s)
+                time.sleep(_TICK_S)
+
+    return act
+
+
+@contextmanager
+def _before_all_loops(stage: Stage) -> Iterator[None]:
+    """The calling thread is not held up by any loop, where that is granted."""
+    run_first(stage.config.loops.wbc_priority + 1)
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 def _loop(stage: Stage, name: str) -> int:
     """The thread of a loop."""
     loops = stage.config.loops
@@ -178,6 +211,27 @@ def malformed_messages(stage: Stage) -> None:
         publisher = session.publisher(topic, TYPES[topic], DEFAULT_QUALITY)
         for _ in range(MALFORMED):
             publisher.put(stage.chance.randbytes(stage.chance.randrange(200)))
+
+
+def teleoperator_ready(stage: Stage) -> None:
+    """Somebody of higher priority than the operator's is there, and says nothing."""
+    session = _session(stage, "teleoperator")
+    stage.publishers[ros.TELEOP] = session.publisher(ros.TELEOP, definitions.TWIST, DEFAULT_QUALITY)
+
+
+def lease_taken_over(stage: Stage) -> None:
+    """The teleoperator asks the robot to rest where it is, until the fault ends."""
+    publisher, over = stage.publishers.pop(ros.TELEOP), threading.Event()
+
+    def speak() -> None:
+        publisher.put(encode_twist(0.0, 0.0, 0.0))
+        while not over.wait(SPEAKS_EVERY_S):
+            publisher.put(encode_twist(0.0, 0.0, 0.0))
+
+    speaking = threading.Thread(target=speak)
+    speaking.start()
+    stage.held.callback(speaking.join)
+    stage.held.callback(over.set)
 
 
 def clock_may_be_set() -> bool:

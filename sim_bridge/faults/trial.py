@@ -19,10 +19,10 @@ from runtime.records import Record
 from runtime.robots import load_configuration, topics
 from runtime.robots.robot import Robot
 from runtime.robots.uslgo1.config import Uslgo1Config
-from runtime.safety.limits import joint_bounds
 from runtime.signals import Fault, Gait, JointCommand, Mode, SafetyStatus
 from sim_bridge.courses import scenario
 from sim_bridge.faults.command_ages import CommandAges
+from sim_bridge.faults.joint_limits import JointLimits
 from sim_bridge.faults.wires import FOREVER_NS, Inject, Wires
 from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.run import NullSink, wire
@@ -31,7 +31,6 @@ WALKING_NS = 1_600_000_000
 """By then the robot trots at nearly its full speed."""
 LINGER_NS = 100_000_000
 """How long to go on watching when the last answer has been seen."""
-JOINT_TOLERANCE_NM = 1e-9
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ class Trial(NamedTuple):
         time_ns: from the fault to the last of it, but going on; 0 if it walked on.
         faults: bits that were seen.
         counted: by how much the count grew.
-        joints_kept: whether position and torque of every joint stayed within their limits until the robot was damped.
+        joints_kept: whether every joint stayed within its limits (`JointLimits`) until the robot was damped.
         oldest_ns: age of the oldest command when it reached a drive.
         damping_kept: whether no stiffness nor torque was commanded to a damped robot.
         fell: whether it fell before it was damped.
@@ -215,9 +214,7 @@ class Watch:
         self._gait: Gait = records[topics.GAIT]  # type: ignore[assignment]
         self._command: JointCommand = records[topics.JOINT_COMMAND_SAFE]  # type: ignore[assignment]
         self._counted = None if row.counted is None else (records[row.counted[0]], row.counted[1])
-        low, high = joint_bounds(config.safety)
-        margin = config.safety.position_margin_rad
-        self._low, self._high = low - margin, high + margin
+        self._limits = JointLimits(config.safety)
         self._seen: dict[str, int] = {}
         self._before = self._faults = 0
         self._joints_kept = self._damping_kept = True
@@ -270,12 +267,9 @@ class Watch:
             idle = not command.stiffness.any() and not command.effort.any() and not command.velocity.any()
             self._damping_kept = self._damping_kept and idle
             return
-        angles, torques = world.joint_angles, world.drives.applied
-        kept = (angles >= self._low).all() and (angles <= self._high).all()
-        strongest = self._config.simulation.peak_torque_nm + JOINT_TOLERANCE_NM
-        kept = kept and (np.abs(torques) <= strongest).all()
         bound = self._config.safety.derated_effort_nm if self._status.derated else self._config.safety.effort_max_nm
-        self._joints_kept = bool(self._joints_kept and kept and (np.abs(command.effort) <= bound).all())
+        kept = self._limits.kept(world) and bool((np.abs(command.effort) <= bound).all())
+        self._joints_kept = self._joints_kept and kept
         self._fell = self._fell or world.tilt > self._config.safety.tilt_max_rad + 0.1
 
     def result(self, oldest_ns: int, released_ns: int | None = None) -> Trial:

@@ -15,10 +15,9 @@ import numpy as np
 
 from drivers.memory_bus import Received
 from runtime.robots.uslgo1.config import Uslgo1Config
-from runtime.safety.limits import joint_bounds
+from sim_bridge.faults.joint_limits import JointLimits
 from sim_bridge.quadruped_world import QuadrupedWorld
 
-JOINT_TOLERANCE_NM = 1e-9
 FALL_MARGIN_RAD = 0.1
 """Beyond the tilt at which the robot is damped: it takes a moment."""
 
@@ -33,17 +32,14 @@ class Witness:
 
     Attributes:
         released_ns: when no drive had more than damping in force; None before.
-        joints_kept: whether angles and torques of all joints stayed within their limits until then.
+        joints_kept: whether all joints stayed within their limits (`JointLimits`) until then.
         fell: whether the robot fell before.
     """
 
     def __init__(
         self, config: Uslgo1Config, world: QuadrupedWorld, clock: Callable[[], int] = time.monotonic_ns
     ) -> None:
-        low, high = joint_bounds(config.safety)
-        margin = config.safety.position_margin_rad
-        self._low, self._high = low - margin, high + margin
-        self._strongest = config.simulation.peak_torque_nm + JOINT_TOLERANCE_NM
+        self._limits = JointLimits(config.safety)
         self._tilt = config.safety.tilt_max_rad + FALL_MARGIN_RAD
         self._world, self._clock = world, clock
         self._heard: list[tuple[int, Received]] = []
@@ -65,9 +61,7 @@ class Witness:
         if not world.drives.driven:
             self.released_ns = self._clock()
             return
-        angles, torques = world.joint_angles, world.drives.applied
-        kept = (angles >= self._low).all() and (angles <= self._high).all()
-        self.joints_kept = bool(self.joints_kept and kept and (np.abs(torques) <= self._strongest).all())
+        self.joints_kept = self.joints_kept and self._limits.kept(world)
         self.fell = self.fell or world.tilt > self._tilt
 
     def hear(self, received: Received) -> None:

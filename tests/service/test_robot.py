@@ -13,10 +13,11 @@ import pytest
 
 from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.executors.tick_stream import OBSERVER_SOCKET, TickListener
+from runtime.recording.recorder_status import read_status
 from runtime.robots import load_configuration, topics
 from runtime.robots.uslgo1.assembly import assemble
 from runtime.signals import Mode
-from sim_bridge.faults.held_thread import WAIT_FOR_THREADS, held, thread_of
+from sim_bridge.faults.held_thread import WAIT, WAIT_FOR_THREADS, held, thread_of
 from sim_bridge.tick_mirror import TickMirror
 
 RUNTIME, LOGS, CONFIGURATION = Path("/run/ugv"), Path("/var/log/ugv"), Path("/etc/ugv/uslgo1.toml")
@@ -186,6 +187,50 @@ def test_control_is_killed_and_comes_back_in_standby_if_only_one_of_its_loops_st
     seen = watch.until(lambda mode: mode == Mode.STANDBY) | set(watch.modes(AFTER_RESTART_S))
     assert not seen & {Mode.STANDING, Mode.ACTIVE}, seen
     assert main_pid("ugv-control.service") not in (0, killed)
+    assert any("Watchdog timeout" in line for line in journal())
+
+
+def started_again(unit, before):
+    """Wait until a unit has another main process than before."""
+    deadline = time.monotonic() + PATIENCE_S
+    while main_pid(unit) in (0, before):
+        assert time.monotonic() < deadline, journal()
+    assert int(systemctl("show", unit, "--property=NRestarts", "--value")) == 1
+
+
+def test_a_link_whose_loop_stops_is_killed_and_comes_back_and_the_robot_can_be_had_to_stand_again(robot):
+    _, watch = robot
+    systemctl("start", "ugv.target")
+    systemctl("start", "ugv-control.service")
+    stand_up(robot)
+    link, control = main_pid("ugv-link.service"), main_pid("ugv-control.service")
+    with held(link):  # the loop is its main thread; those of zenoh go on
+        _, ended = os.waitpid(link, WAIT_FOR_THREADS)
+    assert os.WTERMSIG(ended) == signal.SIGABRT, "which is what the watchdog sends"
+    watch.until(lambda mode: mode == Mode.DAMPED)
+    started_again("ugv-link.service", link)
+    stand_up(robot)
+    assert (main_pid("ugv-control.service"), watch.processes) == (control, 1)
+    assert any("Watchdog timeout" in line for line in journal())
+
+
+def test_a_recorder_whose_writer_is_stuck_is_killed_and_comes_back_and_the_robot_goes_on(robot):
+    _, watch = robot
+    systemctl("start", "ugv.target")
+    systemctl("start", "ugv-control.service")
+    stand_up(robot)
+    recorder, control = main_pid("ugv-recorder.service"), main_pid("ugv-control.service")
+    writer = sorted(int(task.name) for task in Path(f"/proc/{recorder}/task").iterdir())[1]
+    bags = set(LOGS.iterdir())
+    with held(writer, WAIT):
+        stuck = read_status(RUNTIME)
+        watch.until(lambda mode: read_status(RUNTIME).backlog_bytes > stuck.backlog_bytes)
+        assert main_pid("ugv-recorder.service") == recorder
+        _, ended = os.waitpid(writer, WAIT_FOR_THREADS)
+    assert os.WTERMSIG(ended) == signal.SIGABRT, "which is what the watchdog sends"
+    started_again("ugv-recorder.service", recorder)
+    watch.until(lambda mode: set(LOGS.iterdir()) > bags)
+    assert (main_pid("ugv-control.service"), watch.processes) == (control, 1)
     assert any("Watchdog timeout" in line for line in journal())
 
 

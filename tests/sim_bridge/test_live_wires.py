@@ -119,8 +119,13 @@ class Bench:
         self.mirror = SimpleNamespace(
             records={topics.SAFETY: self.safety, topics.GAIT: self.gait, topics.BODY_COMMAND: self.command}, taken=0
         )
-        drives = SimpleNamespace(driven=True, applied=np.zeros(12), force_error=lambda joint, code: None)
-        self.world = SimpleNamespace(drives=drives, joint_angles=CONFIG.quadruped.standing_angles(0.3), tilt=0.0)
+        drives = SimpleNamespace(driven=True, asked=np.zeros(12), force_error=lambda joint, code: None)
+        self.world = SimpleNamespace(
+            drives=drives,
+            joint_angles=CONFIG.quadruped.standing_angles(0.3),
+            joint_velocities=np.zeros(12),
+            tilt=0.0,
+        )
         self.inputs = {topics.LOCALIZATION: Port()}
         self.told = []
         reading, self.orders = os.pipe()

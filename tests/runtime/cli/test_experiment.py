@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`ugv experiment` and `ugv bench` print their figures beside what they are compared with."""
 
-import concurrent.futures
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -82,24 +81,15 @@ def test_percentiles_are_median_high_and_largest() -> None:
 def test_faults_are_printed_beside_their_answers_and_a_difference_fails(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], flaws: tuple[str, ...]
 ) -> None:
-    class Pool:
-        def __init__(self, *_: Any, **__: Any) -> None:
-            pass
+    def tried(number: int, seeds: Sequence[int]) -> Outcome:
+        assert list(seeds) == [0, 1]
+        return Outcome(f"fault {number}", "damp", "damp", 12.0, 8.0, True, flaws if number == 3 else ())
 
-        def __enter__(self) -> "Pool":
-            return self
+    def in_this_process(run: Any, items: Sequence[int], progress: Any) -> list[Outcome]:
+        return [run(item) for item in items]
 
-        def __exit__(self, *_: Any) -> None:
-            pass
-
-        def submit(self, function: Any, number: int, seeds: range) -> concurrent.futures.Future[Outcome]:
-            done: concurrent.futures.Future[Outcome] = concurrent.futures.Future()
-            found = flaws if number == 3 else ()
-            done.set_result(Outcome(f"fault {number}", "damp", "damp", 12.0, 8.0, True, found))
-            assert list(seeds) == [0, 1]
-            return done
-
-    monkeypatch.setattr(concurrent.futures, "ProcessPoolExecutor", Pool)
+    monkeypatch.setattr("runtime.cli.experiment_faults.try_fault", tried)
+    monkeypatch.setattr("runtime.cli.batch.in_processes", in_this_process)
     assert cli.main(["experiment", "faults", "--seeds", "2"]) == (1 if flaws else 0)
     out = capsys.readouterr().out
     assert "fault 3" in out

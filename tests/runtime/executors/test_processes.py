@@ -77,12 +77,29 @@ def test_nothing_that_a_process_started_outlives_it():
     assert ends(waiting)
 
 
-def test_the_death_of_the_one_who_started_them_ends_them():
-    code = "import sys; from runtime.executors.processes import Processes\n"
-    code += f"with Processes() as p:\n    p.start('one', {python(READY + WAIT)!r}); p.wait_ready('one')\n"
-    code += "    print(p.pid('one'), flush=True)\n    import signal; signal.pause()"
+def killed_parent_of(child, orphaned_for_s):
+    """A handle of a process whose starter is killed."""
+    code = "import signal; from runtime.executors.processes import Processes\n"
+    code += f"with Processes({orphaned_for_s}) as p:\n    p.start('one', {python(child)!r}); p.wait_ready('one')\n"
+    code += "    print(p.pid('one'), flush=True)\n    signal.pause()"
     with subprocess.Popen(python(code), stdout=subprocess.PIPE) as parent:
-        pid = int(parent.stdout.readline())
-        waiting = os.pidfd_open(pid)
+        waiting = os.pidfd_open(int(parent.stdout.readline()))
         parent.kill()
-    assert ends(waiting)
+    return waiting
+
+
+def test_the_death_of_the_one_who_started_them_ends_them():
+    assert ends(killed_parent_of(READY + WAIT, orphaned_for_s=3600.0))
+
+
+def test_what_does_not_end_with_the_one_who_started_it_is_killed():
+    stubborn = "import signal\n" + STUBBORN + READY + "while True:\n    signal.pause()"
+    assert ends(killed_parent_of(stubborn, orphaned_for_s=0.1))
+
+
+def test_one_that_was_started_by_a_process_now_gone_does_not_begin():
+    code = "import os, signal; from runtime.executors.orphans import end_with_parent\n"
+    code += "signal.signal(signal.SIGTERM, lambda *_: None)  # as the one who starts it may have it\n"
+    code += "somebody_else = os.getpid()\nend_with_parent(somebody_else)\nprint('begun')"
+    brief = subprocess.run(python(code), capture_output=True)
+    assert (brief.returncode, brief.stdout) == (-signal.SIGTERM, b"")

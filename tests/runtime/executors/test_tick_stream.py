@@ -6,12 +6,14 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 
 import pytest
 
 from runtime.executors.tick_stream import TickListener, TickStream, TickStreamError, TickStreams
 
 TIMEOUT_S = 20.0
+FIRST_MOMENTS = 100
 
 
 @pytest.fixture
@@ -54,6 +56,44 @@ def test_several_streams_take_turns(path):
         stream.close()
     assert everything(listener) == []
     assert listener.streams == 0
+    listener.close()
+
+
+def test_threads_that_write_first_at_the_same_moment_lose_nothing(path):
+    listener = TickListener(path)
+    for _ in range(FIRST_MOMENTS):
+        stream, moment = TickStream(path), threading.Barrier(2)
+
+        def write(datagram, stream=stream, moment=moment):
+            moment.wait(TIMEOUT_S)
+            stream.write(datagram)
+
+        threads = [threading.Thread(target=write, args=(datagram,)) for datagram in (b"one", b"two")]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert stream.dropped == 0
+        assert sorted(everything(listener)) == [b"one", b"two"]
+        stream.close()
+    listener.close()
+
+
+def test_a_stream_is_connected_before_it_is_first_written_to(path):
+    listener = TickListener(path)
+    stream = TickStream(path)
+    assert listener.receive(0.0) is None
+    assert listener.streams == 1
+    stream.close()
+    listener.close()
+
+
+def test_a_listener_that_came_before_the_first_datagram_is_found_at_once(path):
+    stream = TickStream(path)
+    listener = TickListener(path)
+    stream.write(b"tick")
+    assert everything(listener) == [b"tick"]
+    stream.close()
     listener.close()
 
 

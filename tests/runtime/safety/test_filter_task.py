@@ -158,6 +158,36 @@ def test_gains_are_never_negative_nor_beyond_their_limits(stiffness, damping, ex
     assert rig.status.limited == limited
 
 
+SANE = st.floats(-100.0, 100.0)
+
+
+@settings(max_examples=300)
+@given(hnp.arrays(np.float64, (3, 12), elements=SANE), hnp.arrays(np.float64, (2, 12), elements=SANE), st.booleans())
+def test_a_drive_is_asked_for_no_more_than_its_bound_if_less_feed_forward_can_see_to_it(wanted, gains, derated):
+    rig, strongest = Rig(), CONFIG.effort_max_nm
+    if derated:
+        rig.joints.temperature[3], strongest = CONFIG.temperature_max_degc + 1.0, CONFIG.derated_effort_nm
+    rig.joints.velocity = np.linspace(-0.9, 0.9, 12) * CONFIG.velocity_max_radps
+    rig.command.position, rig.command.velocity, rig.command.effort = wanted
+    rig.command.stiffness, rig.command.damping = gains
+    for _ in range(3):
+        rig.step()
+    out = rig.output
+    held = out.stiffness * (out.position - rig.joints.position) + out.damping * (out.velocity - rig.joints.velocity)
+    assert (np.abs(held + out.effort) <= np.maximum(strongest, np.abs(held) - strongest) + 1e-9).all()
+    assert (np.abs(out.effort) <= strongest).all()
+
+
+def test_feed_forward_gives_way_to_what_stiffness_and_damping_add():
+    rig = Rig()
+    rig.command.position = rig.joints.position + 0.1
+    rig.joints.velocity = -2.0
+    rig.command.effort, added = 32.0, 30.0 * 0.1 + 1.0 * 2.0
+    rig.step()
+    np.testing.assert_allclose(rig.output.effort, CONFIG.effort_max_nm - added)
+    assert rig.status.limited == 12
+
+
 def test_torque_changes_no_faster_than_its_rate():
     config = SafetyConfig(effort_rate_max_nmps=1000.0)
     rig = Rig(config=config)
