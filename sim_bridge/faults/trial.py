@@ -277,10 +277,10 @@ class Watch:
 
         Args:
             oldest_ns: age of the oldest command that reached a drive.
-            released_ns: when drives that heard nothing let go by themselves, if that was so.
+            released_ns: when the drives let go, be it by themselves, if that was looked at.
         """
         if released_ns is not None:
-            self._seen["damp"] = min(released_ns, self._seen.get("damp", FOREVER_NS))
+            self._seen["damp"] = released_ns
             self._seen = {answer: at_ns for answer, at_ns in self._seen.items() if at_ns <= self._seen["damp"]}
         lasting = [at_ns for answer, at_ns in self._seen.items() if answer != "go on"]
         return Trial(
