@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -85,6 +85,10 @@ class QuadrupedSimulation:
     def ready(self, records: Mapping[str, Record]) -> Callable[[], bool]:
         """Whether its legs carry it under feedback."""
         return partial(getattr, _gait(records), "balancing")
+
+    def broken(self, records: Mapping[str, Record]) -> Sequence[str]:
+        """Its faults say all that it knows."""
+        return ()
 
     def push_ns(self, push: Push, records: Mapping[str, Record], after_ns: int) -> int | None:
         """The first wanted phase of the gait after a time, once it walks."""

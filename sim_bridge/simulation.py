@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Protocol
 
@@ -25,7 +25,7 @@ class Simulation(Protocol):
         warm_up, warm_up_ns: a scenario, and a time by which the robot moves and every part of its loops has been used.
         step_ns: of the physics.
         fallen_clearance_m: a robot whose origin is closer to the ground lies on it.
-        watched: topics of what `finished`, `ready` and `push_ns` look at.
+        watched: topics of what `finished`, `ready`, `broken` and `push_ns` look at.
     """
 
     warm_up: str
@@ -51,6 +51,9 @@ class Simulation(Protocol):
 
     def ready(self, records: Mapping[str, Record]) -> Callable[[], bool]:
         """Tells whether a robot that stands can go, from what its loops write."""
+
+    def broken(self, records: Mapping[str, Record]) -> Sequence[str]:
+        """What of a robot that has faulted is broken, in words, as far as it knows."""
 
     def push_ns(self, push: Push, records: Mapping[str, Record], after_ns: int) -> int | None:
         """When a push is to begin that is due after a time; None while that cannot be said."""
