@@ -55,6 +55,13 @@ class WheelState(Record):
     rejected = uint32("", "frames rejected since start: wrong length, unknown id, error frame, out of range")
 
 
+class WheelStatus(Record):
+    """What is wrong with single wheels."""
+
+    stamp_ns = int64("ns")
+    stuck = boolean_array("wheel", "the steering did not follow while the unit last drove, or cannot by its own word")
+
+
 class WheelCommand(Record):
     """One command for every wheel."""
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from runtime.records import Record
 from runtime.robots import topics
@@ -34,6 +34,7 @@ class Observer:
     Attributes:
         samples: time (s), x, y (m) and yaw (rad) of the true trunk, from when it may walk.
         fell, fault: whether it fell, and why it was damped.
+        broken: what then was broken, in words.
         push_end_s: when the push's force ended, None before there was one.
         limit_ns: the run ends by then.
     """
@@ -53,6 +54,7 @@ class Observer:
         self._records = records
         self.samples: list[tuple[float, float, float, float]] = []
         self.fell, self.fault = False, Fault.NONE
+        self.broken: Sequence[str] = ()
         self.push_end_s: float | None = None
         self.limit_ns = WALK_NS + int((scenario.time_limit_s + 3.0) * 1e9)
         expected_s = self.limit_ns * 1e-9 / TIME_FACTOR
@@ -79,6 +81,7 @@ class Observer:
         mode = self._safety.mode
         if mode == Mode.DAMPED and not self.fault:
             self.fault = Fault(self._safety.fault)
+            self.broken = self._simulation.broken(self._records)
         if mode in (Mode.OFF, Mode.STANDBY) and self._scenario.waypoints and now_ns >= WALK_NS and not self.fault:
             self.fault = Fault(self._safety.warning)
         if self.fell or self.fault:

@@ -24,7 +24,8 @@ Array = npt.NDArray[np.float64]
 def outcome_of(observer: Observer, course: Scenario) -> dict[str, Any]:
     """The part of the summary that says how the course was gone through."""
     fault = "" if not observer.fault else str(observer.fault.name)
-    return {**_figures(observer, course), "fell": observer.fell, "fault": fault}
+    broken = {"broken": list(observer.broken)} if observer.broken else {}
+    return {**_figures(observer, course), "fell": observer.fell, "fault": fault, **broken}
 
 
 def _figures(observer: Observer, course: Scenario) -> dict[str, Any]:

@@ -89,6 +89,10 @@ class QuadrupedSimulation:
         """Whether its legs carry it under feedback."""
         return partial(getattr, _gait(records), "balancing")
 
+    def broken(self, records: Mapping[str, Record]) -> Sequence[str]:
+        """Its faults say all that it knows."""
+        return ()
+
     def push_ns(self, push: Push, records: Mapping[str, Record], after_ns: int) -> int | None:
         """The first wanted phase of the gait after a time, once it walks."""
         gait, period_ns = _gait(records), self._config.gait.period_ns

@@ -27,7 +27,7 @@ class Simulation(Protocol):
         step_ns: of the physics.
         patience_ns: for which drives go on without a command, before they let go by themselves.
         fallen_clearance_m: a robot whose origin is closer to the ground lies on it.
-        watched: topics of what `finished`, `ready` and `push_ns` look at.
+        watched: topics of what `finished`, `ready`, `broken` and `push_ns` look at.
     """
 
     warm_up: str
@@ -54,6 +54,9 @@ class Simulation(Protocol):
 
     def ready(self, records: Mapping[str, Record]) -> Callable[[], bool]:
         """Tells whether a robot that stands can go, from what its loops write."""
+
+    def broken(self, records: Mapping[str, Record]) -> Sequence[str]:
+        """What of a robot that has faulted is broken, in words, as far as it knows."""
 
     def push_ns(self, push: Push, records: Mapping[str, Record], after_ns: int) -> int | None:
         """When a push is to begin that is due after a time; None while that cannot be said."""

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from drivers.device_end import Wires
 from runtime.executors.loop_run import InputPort
+from runtime.models.vehicle import WHEELS
 from runtime.recording.stalls import StallBound
 from runtime.records import Record
 from runtime.robots import topics
@@ -32,7 +33,7 @@ class VehicleSimulation:
 
     warm_up, warm_up_ns = "flat", 1_500_000_000
     fallen_clearance_m = -math.inf
-    watched = ()
+    watched = (topics.WHEEL_STATUS,)
 
     def __init__(self, config: Vehicle4ws4wdConfig) -> None:
         self._config, self.step_ns = config, config.simulation.time_step_ns
@@ -96,6 +97,11 @@ class VehicleSimulation:
     def ready(self, records: Mapping[str, Record]) -> Callable[[], bool]:
         """It can go whenever it stands."""
         return lambda: True
+
+    def broken(self, records: Mapping[str, Record]) -> Sequence[str]:
+        """Wheels whose steering is stuck."""
+        stuck: list[bool] = records[topics.WHEEL_STATUS].stuck.tolist()  # type: ignore[attr-defined]
+        return [f"{name.replace('_', ' ')} wheel stuck" for name, is_so in zip(WHEELS, stuck, strict=True) if is_so]
 
     def push_ns(self, push: Push, records: Mapping[str, Record], after_ns: int) -> int | None:
         """At once."""

@@ -81,7 +81,7 @@ def outcome(summary: Mapping[str, Any]) -> str:
     if summary.get("fell"):
         words.append("FELL")
     if summary.get("fault"):
-        words.append(f"FAULT {summary['fault']}")
+        words.append(", ".join((f"FAULT {summary['fault']}", *summary.get("broken", ()))))
     return ", ".join(words)
 
 

@@ -13,6 +13,7 @@ from runtime.link.control_monitor import ControlMonitor
 from runtime.link.loop_statistics import spread
 from runtime.link.tally import Tally
 from runtime.messages.diagnostics import Level, Status
+from runtime.models.vehicle import WHEELS
 from runtime.recording.recorder_status import RecorderStatus
 from runtime.records import Record
 from runtime.robots import topics
@@ -28,7 +29,7 @@ from runtime.signals import (
     OperatorEvent,
     SafetyStatus,
 )
-from runtime.vehicle_signals import WheelState
+from runtime.vehicle_signals import WheelState, WheelStatus
 
 RECORDER_SILENT_NS = 3_000_000_000
 """It speaks once a second."""
@@ -117,12 +118,7 @@ class Diagnosis:
             yield self._counted("joints", {"rejected_frames": joints.rejected}, values, bool(joints.error.any()))
         wheels = newest(topics.WHEEL_STATE, WheelState)
         if wheels is not None:
-            values = {
-                "faults": " ".join(map(str, wheels.fault.tolist())),
-                "hottest_degc": max(wheels.temperature.tolist()),
-            }
-            counts = {name: int(getattr(wheels, name)) for name in ("rejected", "corrupt", "stalled")}
-            yield self._counted("wheels", counts, values, bool(wheels.fault.any()))
+            yield self._wheels(wheels, newest(topics.WHEEL_STATUS, WheelStatus))
         buses = newest(topics.BUS_STATUS, BusStatus)
         if buses is not None:
             yield from self._buses(buses)
@@ -136,6 +132,18 @@ class Diagnosis:
         event = newest(topics.OPERATOR_EVENT, OperatorEvent)
         if event is not None:
             yield self._counted("operator", {"lost_events": int(event.lost)}, {})
+
+    def _wheels(self, wheels: WheelState, status: WheelStatus | None) -> Status:
+        motors = [f"{wheel} {motor}" for motor in ("steering", "drive") for wheel in WHEELS]
+        broken = [f"{motor} fault {code}" for motor, code in zip(motors, wheels.fault.tolist(), strict=True) if code]
+        if status is not None:
+            broken += [f"{wheel} stuck" for wheel, stuck in zip(WHEELS, status.stuck.tolist(), strict=True) if stuck]
+        values = {
+            "faults": " ".join(map(str, wheels.fault.tolist())),
+            "hottest_degc": max(wheels.temperature.tolist()),
+        }
+        counts = {name: int(getattr(wheels, name)) for name in ("rejected", "corrupt", "stalled")}
+        return self._counted("wheels", counts, values, bool(broken), ", ".join(broken))
 
     def _buses(self, buses: BusStatus) -> Iterator[Status]:
         counters = ("refused", "failed", "malformed", "errors", "overflow", "purged", "withheld")

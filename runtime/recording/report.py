@@ -17,6 +17,7 @@ from runtime.recording import run_data, setup
 from runtime.recording.counters import counters
 from runtime.recording.errors import LogError, RecordingError
 from runtime.recording.report_timing import timing_cards, timing_section, timing_warnings
+from runtime.recording.report_wheels import stuck_wheels
 from runtime.recording.run_data import RunData, load_run
 from runtime.signals import Fault, Mode
 
@@ -87,7 +88,7 @@ def warnings(data: RunData) -> list[str]:
     said += [f"The log has no {what}." for topic, what in expected.items() if topic not in data.signals]
     if data.path is None and run_data.PATH in data.signals:
         said.append("No path of at least two points was given, so there are no tracking errors.")
-    said += _safety_warnings(data) + timing_warnings(data)
+    said += _safety_warnings(data) + stuck_wheels(data) + timing_warnings(data)
     return said
 
 

@@ -15,6 +15,19 @@ LIMIT = 0.5
 """Slip beyond this is drawn at the edge: while a wheel hardly rolls the ratio says little."""
 
 
+def stuck_wheels(data: RunData) -> list[str]:
+    """A sentence for every wheel whose steering was found stuck."""
+    status = data.signals.get(run_data.WHEEL_STATUS)
+    if status is None:
+        return []
+    stuck = status.values["stuck"]
+    return [
+        f"The steering of the {name} wheel was stuck, first at {status.log_ns[stuck[:, wheel].argmax()] / 1e9:.2f} s."
+        for wheel, name in enumerate(WHEELS)
+        if stuck[:, wheel].any()
+    ]
+
+
 def steering_figure(data: RunData) -> ReportFigure | None:
     """Steering angles, measured and commanded."""
     return _of_wheels(data, "steering", 180.0 / np.pi, "degrees", "Steering angles", "positive to the left")

@@ -29,6 +29,7 @@ Array = npt.NDArray[np.float64]
 TRUTH, BODY_STATE, BODY_COMMAND = "/ugv/truth", "/ugv/body_state", "/ugv/body_command"
 JOINT_STATE, JOINT_COMMAND, PATH, SAFETY = "/ugv/joint_state", "/ugv/joint_command", "/ugv/path", "/ugv/safety"
 WHEEL_STATE, WHEEL_COMMAND = "/ugv/wheel_state", "/ugv/wheel_command_safe"
+WHEEL_STATUS = "/ugv/wheel_status"
 GAIT, CONTACT_FORCES, CAN_RECEIVED = "/ugv/gait", "/ugv/contact_forces", "/ugv/can_received"
 _SIGNALS = (
     TRUTH,
@@ -38,6 +39,7 @@ _SIGNALS = (
     JOINT_COMMAND,
     WHEEL_STATE,
     WHEEL_COMMAND,
+    WHEEL_STATUS,
     PATH,
     SAFETY,
     GAIT,

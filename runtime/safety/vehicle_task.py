@@ -28,7 +28,7 @@ from runtime.signals import (
     SafetyStatus,
 )
 from runtime.tasks import Task
-from runtime.vehicle_signals import TwistCommand, VehicleState, WheelCommand, WheelState
+from runtime.vehicle_signals import TwistCommand, VehicleState, WheelCommand, WheelState, WheelStatus
 
 Array = npt.NDArray[np.float64]
 STILL_RADPS = 0.1
@@ -48,7 +48,7 @@ class VehicleSafetyTask(Task):
         driving_mode: is what it reports while it drives.
         period_ns: of the loop.
         imu, wheels, body, battery, buses, timing, operator, twist, command: records read.
-        output, status: records written.
+        output, status, wheel_status: records written.
     """
 
     name = "safety"
@@ -74,9 +74,10 @@ class VehicleSafetyTask(Task):
         command: WheelCommand,
         output: WheelCommand,
         status: SafetyStatus,
+        wheel_status: WheelStatus,
     ) -> None:
         watched = (imu, wheels, body, battery, buses, timing, operator, twist, command)
-        self.reads, self.writes = watched, (output, status)
+        self.reads, self.writes = watched, (output, status, wheel_status)
         self.state: VehicleSafetyMemory = VehicleSafetyMemory("/ugv/state/safety", {**output.sizes, **buses.sizes})
         inputs = VehicleInputs(
             imu.table,
@@ -101,6 +102,7 @@ class VehicleSafetyTask(Task):
             self.state.table,
             output.table,
             status.table,
+            wheel_status.table,
         )
 
     def step(self, now_ns: int) -> None:
@@ -120,6 +122,7 @@ def _pass(
     memories: Sequence[VehicleSafetyMemory],
     outputs: Sequence[WheelCommand],
     statuses: Sequence[SafetyStatus],
+    wheel_statuses: Sequence[WheelStatus],
     now_ns: int,
 ) -> None:
     """Look for faults, decide on the mode, and pass the command on as far as it may be."""
@@ -145,6 +148,7 @@ def _pass(
     status.stamp_ns, status.mode, status.warning = now_ns, mode, found
     status.fault, status.limited, status.faults = memory.fault, memory.limited, memory.faults
     status.halt, status.coasted = found & VEHICLE_HALTS, memory.coasted
+    wheel_statuses[0].stamp_ns, wheel_statuses[0].stuck[:] = now_ns, memory.stuck
 
 
 @compiled

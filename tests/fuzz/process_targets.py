@@ -21,7 +21,7 @@ from runtime.records import Record
 from runtime.robots import topics
 from runtime.signals import Battery, BodyState, BusStatus, Imu, JointState, OperatorEvent, SafetyStatus
 from runtime.tasks import Loop
-from runtime.vehicle_signals import WheelState
+from runtime.vehicle_signals import WheelState, WheelStatus
 
 CELLS = 4
 SIZES = {"joint": 2, "bus": 2, "wheel": 4, "foot": 4, "foot_xyz": 12, "foot_pair": 16, "axle_drive": 8, "unit_frame": 5}
@@ -79,6 +79,7 @@ def loop_of_everything() -> tuple[Manifest, tuple[Record, ...]]:
         SafetyStatus(topics.SAFETY),
         JointState(topics.JOINT_STATE, SIZES),
         WheelState(topics.WHEEL_STATE, SIZES),
+        WheelStatus(topics.WHEEL_STATUS, SIZES),
         BusStatus(topics.BUS_STATUS, SIZES),
         BodyState(topics.BODY_STATE, SIZES),
         Battery(topics.BATTERY),

@@ -72,6 +72,7 @@ def drive(break_it, scenario="flat", ends_ns=5_500_000_000, speed_mps=SPEED_MPS,
     records = {record.topic: record for loop in wired.robot.loops for record in loop.writes}
     executor = Lockstep(wired.robot.loops, wired.inputs, wired.outputs, wired.world, NullSink())
     seen = SimpleNamespace(track=[], stopped_ns=0, unit=wired.world.unit, status=records[topics.SAFETY])
+    seen.stuck = records[topics.WHEEL_STATUS]
     seen.wheels, seen.lags, seen.angles = records[topics.WHEEL_STATE], [], []
     command = records[topics.WHEEL_COMMAND_SAFE]
 
@@ -145,6 +146,8 @@ def test_one_that_cannot_steer_a_wheel_stops_as_straight_as_it_can():
     seen = drive(lambda wired: wired.world.unit.jam(FRONT_LEFT), "slalom", ends_ns=6_500_000_000)
     assert seen.status.mode == Mode.DAMPED
     assert seen.status.fault & Fault.STUCK_STEERING
+    assert seen.stuck.stuck.tolist() == [True, False, False, False]
+    assert simulation_of(CONFIG).broken({topics.WHEEL_STATUS: seen.stuck}) == ["front left wheel stuck"]
     assert seen.stopped_ns < 6_000_000_000
     stop = np.array(seen.track[seen.from_here :])
     assert travelled(stop) < braking_distance() + 0.1

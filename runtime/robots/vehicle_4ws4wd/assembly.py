@@ -65,6 +65,7 @@ class _Board:
         self.command = vehicle_signals.WheelCommand(topics.WHEEL_COMMAND, lengths)
         self.command_safe = vehicle_signals.WheelCommand(topics.WHEEL_COMMAND_SAFE, lengths)
         self.safety = signals.SafetyStatus(topics.SAFETY)
+        self.wheel_status = vehicle_signals.WheelStatus(topics.WHEEL_STATUS, lengths)
 
 
 def assemble(config: Vehicle4ws4wdConfig) -> Robot:
@@ -117,6 +118,7 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
         board.command,
         board.command_safe,
         board.safety,
+        board.wheel_status,
     )
     sending, every = config.drives.unit(), loops.drive_hz // loops.tracker_hz
     last = braking_frames(sending, board.can_sent.like())

@@ -119,6 +119,8 @@ def test_a_run_that_came_too_late_is_told_from_one_that_never_came() -> None:
 
 def test_a_fault_is_named() -> None:
     assert outcome({"completed": False, "fell": False, "fault": "TILT"}) == "NOT completed, FAULT TILT"
+    stuck = {"completed": False, "fell": False, "fault": "STUCK_STEERING", "broken": ["front left wheel stuck"]}
+    assert outcome(stuck) == "NOT completed, FAULT STUCK_STEERING, front left wheel stuck"
 
 
 def test_the_title_says_what_was_run(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,8 +18,10 @@ from runtime.recording.recorder_status import RecorderStatus
 from runtime.robots import topics
 from runtime.signals import Battery, BusState, BusStatus, Fault, Imu, JointState, Mode, OperatorEvent, SafetyStatus
 from runtime.tasks import Loop
+from runtime.vehicle_signals import WheelState, WheelStatus
 
 SIZES = {"joint": 2, "bus": 2}
+WHEEL_SIZES = {"wheel": 4, "axle_drive": 8, "unit_frame": 5}
 IMU, SAFETY = Imu(topics.IMU), SafetyStatus(topics.SAFETY)
 JOINTS, BUSES = JointState(topics.JOINT_STATE, SIZES), BusStatus(topics.BUS_STATUS, SIZES)
 EVENT, BATTERY = OperatorEvent(topics.OPERATOR_EVENT), Battery(topics.BATTERY)
@@ -97,6 +99,26 @@ def test_a_damaged_datagram_is_taken_or_counted(data):
     monitor = ControlMonitor(MANIFEST)
     monitor.take(bytes(whole[: data.draw(st.integers(0, len(whole)))]), 5)
     assert monitor.malformed + monitor.loops["wbc"].ticks == 1
+
+
+def test_wheels_that_are_stuck_or_whose_motors_fail_are_named():
+    wheels, status = WheelState(topics.WHEEL_STATE, WHEEL_SIZES), WheelStatus(topics.WHEEL_STATUS, WHEEL_SIZES)
+    manifest = manifest_of((Loop("drive", 10_000_000, 5_000_000, 80, (wheels, status), (), (), ()),))
+    monitor = ControlMonitor(manifest)
+    diagnosis = Diagnosis(monitor, Tally(), SILENT_NS, lambda: None, BATTERY_AGE_MAX_NS)
+
+    def told(index):
+        tick = Tick("/ugv/tick/drive", {"received": 0})
+        tick.index = index
+        entries = ((manifest.of_topic(record.topic).number, record.to_bytes()) for record in (tick, wheels, status))
+        monitor.take(b"".join(ENTRY.pack(number, len(body)) + body for number, body in entries), 0)
+        return part(diagnosis, "wheels")
+
+    assert (told(0).level, told(1).message) == (Level.OK, "")
+    status.stuck[1] = True
+    assert (told(2).level, told(3).message) == (Level.ERROR, "front_right stuck")
+    wheels.fault[[2, 7]] = 5, 3
+    assert told(4).message == "rear_left steering fault 5, rear_right drive fault 3, front_right stuck"
 
 
 def test_silence_is_an_error_before_the_first_tick_and_after_the_last(monitor, diagnosis):

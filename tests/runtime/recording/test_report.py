@@ -9,6 +9,7 @@ import re
 import shutil
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,8 @@ from runtime.recording.errors import LogError, RecordingError
 from runtime.recording.figure_style import thinned
 from runtime.recording.log import Log
 from runtime.recording.report import write_report
-from runtime.recording.run_data import load_run
+from runtime.recording.report_wheels import stuck_wheels
+from runtime.recording.run_data import WHEEL_STATUS, load_run
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup
 from runtime.records import Record, float64
 from runtime.tasks import Loop, Scheduled, Task
@@ -170,6 +172,15 @@ def test_the_report_has_the_figures_of_the_paper(walked):
         "Log",
     ]
     assert "The robot was damped at 1.50 s: tilt." in text
+
+
+def test_wheels_that_were_stuck_are_named_with_the_time():
+    stuck = np.zeros(3, [("stuck", np.bool_, 4)])
+    stuck["stuck"][1:, 2] = True
+    status = SimpleNamespace(values=stuck, log_ns=np.array([1, 2, 3]) * 10**9)
+    data = SimpleNamespace(signals={WHEEL_STATUS: status})
+    assert stuck_wheels(data) == ["The steering of the rear left wheel was stuck, first at 2.00 s."]
+    assert stuck_wheels(SimpleNamespace(signals={})) == []
 
 
 def test_what_is_counted_is_said_the_most_frequent_first(walked):

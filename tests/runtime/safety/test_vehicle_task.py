@@ -39,6 +39,7 @@ class Rig:
         self.buses, self.timing = signals.BusStatus("/buses", SIZES), signals.LoopTiming("/timing")
         self.command, self.output = (vehicle_signals.WheelCommand(topic, SIZES) for topic in ("/command", "/safe"))
         self.status = signals.SafetyStatus("/status")
+        self.wheel_status = vehicle_signals.WheelStatus("/wheel_status", SIZES)
         self.body.orientation, self.battery.voltage = (0.0, 0.0, 0.0, 1.0), 29.0
         self.wheels.temperature, self.wheels.mode = 40.0, DRIVING
         self.operator.motion, self.operator.arm, self.operator.held = Motion.WALK, True, True
@@ -62,6 +63,7 @@ class Rig:
             self.command,
             self.output,
             self.status,
+            self.wheel_status,
         )
         self.task.state.mode = mode
         for record in (self.command, self.wheels, self.task.state):
@@ -313,7 +315,7 @@ def test_a_wheel_that_cannot_be_steered_by_the_units_word_is_stuck(wheel):
     rig.wheels.fault[wheel] = 3
     rig.step()
     assert rig.status.fault == Fault.STUCK_STEERING | Fault.MOTOR_FAULT
-    assert list(np.flatnonzero(rig.task.state.stuck)) == [wheel]
+    assert list(np.flatnonzero(rig.wheel_status.stuck)) == [wheel]
 
 
 @pytest.mark.parametrize("wheel", range(4))
@@ -327,7 +329,7 @@ def test_a_vehicle_whose_steering_is_stuck_stops_straight(wheel):
         rig.step()
         assert rig.now_ns < 10_500 * MS
     assert rig.status.fault & Fault.STUCK_STEERING
-    assert list(np.flatnonzero(rig.task.state.stuck)) == [wheel]
+    assert list(np.flatnonzero(rig.wheel_status.stuck)) == [wheel]
     steered_ns = rig.now_ns + round(0.25 / config.steering_rate_max_radps * 1e9) + 20 * MS
     headings = []
     while not rig.task.state.braked:
