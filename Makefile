@@ -49,7 +49,9 @@ $(STAMP): pyproject.toml constraints.txt
 test: venv  ## Run all tests but those that need a kernel with CAN, or a systemd.
 	$(BIN)/pytest -n $(WORKERS) --dist loadgroup $(TEST_ARGS)
 
-test-guest: venv  ## Test the drivers on CAN interfaces of a kernel: of this one if it has CAN, else of a guest.
+test-guest: venv  ## Test drivers and faults on CAN interfaces of a kernel: of this one if it has CAN, else of a guest.
+	@test -d .venv/kernels || { echo "Translating the control loops to machine code first: a guest would take long."; \
+	    out="$$(mktemp -d)" && $(BIN)/ugv sil uslgo1 straight-1 --out "$$out/run" >/dev/null && rm -rf "$$out"; }
 	tests/guest/with-can $(BIN)/pytest -p no:cacheprovider tests/guest $(GUEST_ARGS)
 
 test-service: venv $(WHEELS)/.complete  ## Install into a real systemd in a container and test the units (needs root).
