@@ -234,6 +234,7 @@ class BagWriter:
         try:
             try:
                 self._file.finish()
+                self.pending = 0
                 if self._options.sync_ns:
                     os.fdatasync(self._descriptor)
             finally:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot that walks on CAN interfaces of the kernel, tick by tick in virtual time, and what it does when they break."""
+"""A robot that walks on CAN interfaces of the kernel, in virtual time, and what it does when they break."""
 
 import numpy as np
 import pytest
