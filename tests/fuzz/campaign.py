@@ -90,7 +90,11 @@ def fuzz(name: str, modules: tuple[str, ...], corpus: Path, seconds: int) -> sub
     command = [sys.executable, "-c", program, str(corpus), *limits]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), str(Path.cwd())))}
     environment["NUMBA_DISABLE_JIT"] = "1"  # what is instrumented cannot be compiled
-    return subprocess.run(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    from fuzz_target import memory
+
+    with tempfile.TemporaryDirectory(prefix="ugv-fuzz-", dir=memory()) as room:  # it ends without tidying up
+        environment["TMPDIR"] = room
+        return subprocess.run(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
 def under_atheris(name: str, modules: tuple[str, ...]) -> None:

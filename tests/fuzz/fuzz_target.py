@@ -60,11 +60,15 @@ def toy_setup() -> Any:
     return toy().setup()
 
 
+def memory() -> str | None:
+    """Where files are in memory, None if there is no such place."""
+    return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
+
+
 @functools.cache
 def room() -> Path:
     """A directory in memory, for decoders that take a file."""
-    base = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
-    directory = tempfile.TemporaryDirectory(prefix="ugv-fuzz-", dir=base)
+    directory = tempfile.TemporaryDirectory(prefix="ugv-fuzz-", dir=os.environ.get("TMPDIR", memory()))
     _KEPT.append(directory)
     return Path(directory.name)
 
