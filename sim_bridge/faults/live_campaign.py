@@ -14,8 +14,8 @@ from runtime.robots.uslgo1.config import Uslgo1Config
 from sim_bridge.faults import stage
 from sim_bridge.faults.live_judge import Verdict, judged, moved_unarmed
 from sim_bridge.faults.live_logs import LiveLogs
+from sim_bridge.faults.live_row import LiveRow, Need
 from sim_bridge.faults.live_session import ROBOT, disk, play
-from sim_bridge.faults.live_table import LiveRow, Need
 
 TRIES = 5
 

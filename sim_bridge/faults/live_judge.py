@@ -22,8 +22,8 @@ from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.signals import Fault, Mode
 from sim_bridge.faults.flaw import Flaw
 from sim_bridge.faults.live_logs import FAST, LiveLogs
+from sim_bridge.faults.live_row import LiveRow
 from sim_bridge.faults.live_session import Episode, Frames
-from sim_bridge.faults.live_table import LiveRow
 from sim_bridge.faults.log_flaws import WHOLE_NS, missing_log
 from sim_bridge.faults.wires import FOREVER_NS
 from sim_bridge.simulation import simulation_of

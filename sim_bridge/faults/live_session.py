@@ -19,7 +19,7 @@ from runtime.executors.runtime_directory import runtime_directory
 from runtime.recording.recorder_status import RecorderStatus, read_status
 from runtime.robots.uslgo1.config import Uslgo1Config
 from sim_bridge.faults.injector import FRAMES_FILE, Order
-from sim_bridge.faults.live_table import LiveRow
+from sim_bridge.faults.live_row import LiveRow
 from sim_bridge.faults.relay import Relay
 from sim_bridge.faults.stage import Stage
 from sim_bridge.live_answers import LiveAnswers

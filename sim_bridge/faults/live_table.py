@@ -3,9 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from enum import Enum
 from typing import Any
 
 from runtime.link.loop import STATUS
@@ -14,8 +11,9 @@ from runtime.robots import topics
 from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.signals import Fault, Motion, Request
 from sim_bridge.faults import stage
+from sim_bridge.faults.live_row import LINGER_NS, LiveRow, Need
 from sim_bridge.faults.operator import asks_for, insert, interrupted, says
-from sim_bridge.faults.stage import Act, continued, killed, started_again, stopped
+from sim_bridge.faults.stage import continued, killed, started_again, stopped
 from sim_bridge.faults.table import (
     CROUCH,
     DAMP,
@@ -35,71 +33,16 @@ from sim_bridge.faults.table import (
     ticks,
     velocity_old,
 )
-from sim_bridge.faults.wires import FOREVER_NS, Inject, Wires
+from sim_bridge.faults.wires import Wires
 from sim_bridge.live_world import LONGEST_LAG_NS
 
 CARRIED_NS = 30 * MS
 """What the way through link and simulator may take, each with a period of 10 ms, beside the bound of virtual time."""
 BUS_BACK_NS = 300 * MS
 """After so long a bus that was lost is back, so that the robot can be reset."""
-LINGER_NS = 500 * MS
-"""How long to go on watching after the last answer is due."""
 OVERRUN_NS, OVERRUNS = 4 * MS, 20
 """How long the fast loop is held before a tick, and before how many; between two of them one may come on time."""
 REJECTED_MESSAGES = (STATUS, "rejected")
-
-
-class Need(Enum):
-    """What a fault takes that not every computer grants; the value says so."""
-
-    DISK = "no disk of its own may be mounted here"
-    CLOCK = "the clock may not be set here"
-
-
-@dataclass(frozen=True)
-class LiveRow:
-    """A fault in real time, and its answer.
-
-    Attributes:
-        name: for people.
-        answer: what the robot is to do, in order; see `Row`.
-        bound_ns: how soon, of the configuration.
-        inject: breaks the wires, in the simulator;
-        act, mend: or something beside them, and puts it right again;
-        prepare: makes ready for it what takes time.
-        lasts_ns: how long the fault is there; what is there for good ends when its answer was seen.
-        after_ns: how long to go on watching then.
-        fault: bits by which it is to be named.
-        counted: topic and field of what is to be counted.
-        before: answers that may come before.
-        holds_up: loops that the fault itself holds up.
-        recorder: what the recorder says of itself while the fault is there.
-        needs: what it takes that may not be granted.
-        breaks_log: whether ticks are missing while it is there.
-        settings: configuration that shows this answer.
-    """
-
-    name: str
-    answer: tuple[str, ...]
-    bound_ns: Bound = at_once
-    inject: Inject | None = None
-    prepare: Act | None = None
-    act: Act | None = None
-    mend: Act | None = None
-    lasts_ns: int = FOREVER_NS
-    after_ns: int = LINGER_NS
-    fault: Fault = Fault.NONE
-    counted: tuple[str, str] | None = None
-    before: tuple[str, ...] = ()
-    holds_up: tuple[str, ...] = ()
-    recorder: Callable[[RecorderStatus], bool] | None = None
-    needs: Need | None = None
-    breaks_log: bool = False
-    settings: dict[str, str] = field(default_factory=dict)
-
-    def watched_ns(self, config: Uslgo1Config) -> int:
-        """How long the fault is there."""
-        return self.lasts_ns if self.lasts_ns < FOREVER_NS else self.bound_ns(config) + LINGER_NS
 
 
 def carried(bound: Bound) -> Bound:

@@ -8,7 +8,8 @@ import pytest
 from sim_bridge.faults import live_campaign
 from sim_bridge.faults.live_campaign import TRIES, campaign
 from sim_bridge.faults.live_judge import Verdict
-from sim_bridge.faults.live_table import DAMP, LIVE_ROWS, LiveRow
+from sim_bridge.faults.live_row import LiveRow
+from sim_bridge.faults.live_table import DAMP, LIVE_ROWS
 
 PLAIN = [LiveRow(name, DAMP) for name in ("one", "two")]
 OTHER = LiveRow("other", DAMP, settings={"safety.motor_fault": "derate"})
@@ -27,7 +28,7 @@ def sessions(monkeypatch):
         flaws, stall_ms = (("it fell",), 40.0) if episode.row.name in spoiled else ((), 0.0)
         derates = config.safety.motor_fault == "derate"
         assert derates == bool(episode.row.settings), "judged by the bounds of its own robot"
-        return Verdict(episode.row.name, DAMP, DAMP, 1.0, 1.0, True, flaws, stall_ms)
+        return Verdict(episode.row.name, DAMP, DAMP, 1.0, 1.0, True, flaws, stall_ms, bool(flaws))
 
     monkeypatch.setattr(live_campaign, "play", play)
     monkeypatch.setattr(live_campaign, "judged", judged)
