@@ -109,6 +109,11 @@ def overrun(config: Uslgo1Config) -> int:
     return (2 * config.safety.overruns_damp + 2) * config.loops.wbc_period_ns
 
 
+def saturated(config: Uslgo1Config) -> int:
+    """Until a drive has given its most for too long."""
+    return config.safety.saturation_ns + 3 * config.loops.wbc_period_ns
+
+
 def battery_read(config: Uslgo1Config) -> int:
     """Until the battery is looked at again."""
     return BatterySensor.PERIOD_NS + 2 * config.loops.wbc_period_ns
@@ -151,11 +156,21 @@ ROWS = (
     ),
     Row("under-voltage", buses.low_battery, DAMP, battery_read, fault=Fault.VOLTAGE),
     Row(
-        "torque saturated",
-        buses.saturated_drive,
+        "under-voltage, derated",
+        buses.low_battery,
         DERATE,
-        derated(lambda config: config.safety.saturation_ns),
+        derated(battery_read),
+        fault=Fault.VOLTAGE,
+        settings={"safety.voltage": "derate"},
+    ),
+    Row("torque saturated", buses.saturated_drive, DERATE, derated(saturated), fault=Fault.SATURATION),
+    Row(
+        "torque saturated, damped",
+        buses.saturated_drive,
+        DAMP,
+        saturated,
         fault=Fault.SATURATION,
+        settings={"safety.saturation": "damp"},
     ),
     Row("leg out of range", buses.joint_out_of_range, DAMP, ticks(3), fault=Fault.JOINT_POSITION),
     Row("malformed frames", buses.malformed_frames, WALK_ON, at_once, 500 * MS, counted=REJECTED),
