@@ -17,7 +17,7 @@ from runtime.executors.resources import Resources
 from runtime.executors.runtime_directory import runtime_directory
 from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.recording.run_data import BODY_STATE
-from runtime.recording.stalls import FaultEvent, fault_events, silences
+from runtime.recording.stalls import FaultEvent, fault_events
 from runtime.robots import assembled
 from sim_bridge.endurance import check_has_laps
 from sim_bridge.live_flaws import flaws
@@ -69,8 +69,7 @@ def run_live(
             outcome = _watched(live, progress or _unseen)
             live.stop()
     bags = RunBags(out, lambda sentence: print(f"ugv sil: {sentence}", file=sys.stderr))
-    simulation, loops = simulation_of(config), [loop.name for loop in assembled(config).loops]
-    bounds, patience_ns = simulation.stall_bounds(), simulation.patience_ns
+    bounds = simulation_of(config).stall_bounds()
     events = [fault_events(log, bounds) for log in bags]
     faults = [told(event) for losses, _ in events for event in losses]
     pauses = [told(event) for _, stands in events for event in stands]
@@ -82,15 +81,10 @@ def run_live(
         "controller": config.variant.controller,
         "estimator": config.variant.estimator,
         **outcome,
-        **timings(bags, loops),
+        **timings(bags, [loop.name for loop in assembled(config).loops]),
         "imu_age_ms": _spread(bags.read(BODY_STATE).values["imu_age_ns"]),
         "faults": faults,
         "pauses": pauses,
-        "silences": [
-            {"loop": stall.loop, "ms": stall.length_ns * 1e-6, "bound_ms": patience_ns * 1e-6}
-            for log in bags
-            for stall in silences(log, loops[0], patience_ns)
-        ],
         "flaws": found,
         "realtime": True,
         "log": bags.longest.path.name,

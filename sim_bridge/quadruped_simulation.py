@@ -38,7 +38,6 @@ class QuadrupedSimulation:
 
     def __init__(self, config: Uslgo1Config) -> None:
         self._config, self.step_ns = config, config.simulation.time_step_ns
-        self.patience_ns = config.simulation.command_timeout_ns
 
     def scenario(self, name: str, seed: int) -> Scenario:
         """The scenario of a name; the seed of a push counts through directions, then gait phases."""

@@ -25,7 +25,6 @@ class Simulation(Protocol):
     Attributes:
         warm_up, warm_up_ns: a scenario, and a time by which the robot moves and every part of its loops has been used.
         step_ns: of the physics.
-        patience_ns: for which drives go on without a command, before they let go by themselves.
         fallen_clearance_m: a robot whose origin is closer to the ground lies on it.
         watched: topics of what `finished`, `ready`, `broken` and `push_ns` look at.
     """
@@ -33,7 +32,6 @@ class Simulation(Protocol):
     warm_up: str
     warm_up_ns: int
     step_ns: int
-    patience_ns: int
     fallen_clearance_m: float
     watched: tuple[str, ...]
 

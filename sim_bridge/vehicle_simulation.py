@@ -37,7 +37,6 @@ class VehicleSimulation:
 
     def __init__(self, config: Vehicle4ws4wdConfig) -> None:
         self._config, self.step_ns = config, config.simulation.time_step_ns
-        self.patience_ns = config.simulation.command_timeout_ns
 
     def scenario(self, name: str, seed: int) -> Scenario:
         """The scenario of a name; the seed of `curve` counts through the shapes."""

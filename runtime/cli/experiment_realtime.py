@@ -102,13 +102,11 @@ def figure_of(summary: Summary, name: str) -> float | None:
 
 
 def stall_of(live: Summary) -> str:
-    """The first stall of the machine beyond the bound of a fault that then came, or of drives; empty without one."""
+    """The first stall of the machine beyond the bound of a fault that then came; empty without one."""
     for fault in (*live["faults"], *live["pauses"]):
         if fault["stall"] is not None:
             stall, bound_ms = fault["stall"], fault["bound"]["ms"]
             return f"{stall['loop']} stalled for {stall['ms']:.3g} ms, beyond the {bound_ms:.3g} ms of {fault['cause']}"
-    for stall in live["silences"]:
-        return f"{stall['loop']} stalled for {stall['ms']:.3g} ms, beyond the {stall['bound_ms']:.3g} ms of the drives"
     return ""
 
 

@@ -29,9 +29,6 @@ def summary_rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if "laps" in summary:
         yield "laps", str(summary["laps"])
     yield from (("power lost", _laid(fault)) for fault in summary.get("faults", ()))
-    for stall in summary.get("silences", ()):
-        words = f"after a stall of {stall['loop']} of {stall['ms']:.3g} ms beyond {stall['bound_ms']:.3g} ms"
-        yield "drives let go", words
     yield from (("paused", _laid(fault)) for fault in summary.get("pauses", ()))
     if summary.get("completion_time_s") is not None:
         yield "time to the goal", f"{summary['completion_time_s']:.2f} s"

@@ -153,18 +153,6 @@ def fault_events(log: Log, bounds: Sequence[StallBound]) -> tuple[list[FaultEven
     return losses, pauses
 
 
-def silences(log: Log, loop: str, patience_ns: int) -> list[Stall]:
-    """Stalls of the loop that commands beyond the patience of drives, which then let go by themselves.
-
-    Safety, which is in that loop, has no name for it. To a robot that was damped already it makes no difference; one
-    that is about to be armed, and stands, may sink.
-    """
-    status = log.read_signal(run_data.SAFETY).values
-    stalls = [stall for stall in stalls_of(log, loop) if stall.length_ns > patience_ns]
-    rows = np.searchsorted(status["stamp_ns"], [stall.at_ns for stall in stalls]) - 1
-    return [stall for stall, row in zip(stalls, rows, strict=True) if row >= 0 and status["mode"][row] != Mode.DAMPED]
-
-
 def judged(
     fault: Fault, causes: Fault, at_ns: int, bounds: Sequence[StallBound], stalls: Sequence[Stall]
 ) -> FaultEvent:

@@ -27,7 +27,6 @@ def run_of(rms_m: float = 0.010, seed: int = 0, **changes: Any) -> dict[str, Any
         "speed_mps": {"mean": 0.6 + rms_m / 10.0},
         "faults": [],
         "pauses": [],
-        "silences": [],
         "flaws": [],
         **changes,
     }
@@ -68,8 +67,6 @@ def test_what_lockstep_has_too_few_figures_of_is_not_compared():
 def test_the_stall_is_told_with_the_bound_that_it_is_beyond():
     assert stall_of(run_of(faults=[UNEXPLAINED, STALLED])) == ("sim stalled for 34.2 ms, beyond the 16 ms of STALE_IMU")
     assert stall_of(run_of(faults=[UNEXPLAINED])) == ""
-    silence = {"loop": "wbc", "ms": 231.0, "bound_ms": 25.0}
-    assert stall_of(run_of(silences=[silence])) == "wbc stalled for 231 ms, beyond the 25 ms of the drives"
 
 
 @pytest.mark.parametrize(

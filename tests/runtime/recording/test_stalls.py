@@ -13,7 +13,6 @@ from runtime.recording.stalls import (
     explanation,
     fault_events,
     judged,
-    silences,
     stalled_ns,
     stalls_in,
     taking_power,
@@ -180,11 +179,6 @@ def test_a_crouch_and_the_damping_after_it_are_one_event():
     (event,), _ = fault_events(Log(walk(*[Mode.CROUCHING] * 20)), BOUNDS)
     assert event.fault == Fault.STALE_IMU
     assert event.at_ns == AT_NS
-
-
-def test_drives_that_hear_nothing_for_too_long_let_go_unless_they_had_before():
-    stalls = [("wbc", 100, 26, 0), ("wbc", 200, 25, 0), ("sim", 300, 40, 0), ("wbc", 420, 40, 0)]
-    assert silences(Log(walk(), stalls), "wbc", 25 * MS) == [Stall("wbc", 200 * MS, 26 * MS)]
 
 
 def test_a_robot_that_sits_down_lost_nothing():
