@@ -127,6 +127,7 @@ class _Walk:
 
     def _begin(self) -> None:
         self._witness.begin()
+        self._watch.begin()
         self._listener.heard.clear()
 
     def _look(self) -> None:

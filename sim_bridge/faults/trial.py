@@ -217,6 +217,7 @@ class Watch:
         self._limits = JointLimits(config.safety)
         self._seen: dict[str, int] = {}
         self._before = self._faults = 0
+        self._begun = False
         self._joints_kept = self._damping_kept = True
         self._fell = False
         self._stamp_ns, self._end_ns = 0, FOREVER_NS
@@ -227,6 +228,10 @@ class Watch:
         record, name = self._counted
         return int(np.sum(getattr(record, name)))
 
+    def begin(self) -> None:
+        """The fault is about to begin: what is counted from now on comes of it, even before the next tick."""
+        self._before, self._begun = self._count(), True
+
     def look(self, now_ns: int) -> None:
         """One tick."""
         status = self._status
@@ -234,7 +239,8 @@ class Watch:
             return
         self._stamp_ns = status.stamp_ns
         if status.stamp_ns < self._begin_ns:
-            self._before = self._count()
+            if not self._begun:
+                self._before = self._count()
             return
         self._faults |= status.warning | status.fault | status.halt
         self._note(status.stamp_ns)
