@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 
+from runtime.executors.blas_buffers import make_blas_buffers
 from runtime.executors.collector import collector_paused
 from runtime.executors.linux import Alarm, lock_memory, processors_awake, run_first, stay_on, unlock_memory
 from runtime.executors.liveness import Liveness
@@ -97,6 +98,7 @@ class RealTime:
         Raises:
             BaseException: what a loop raised; the others are then stopped.
         """
+        make_blas_buffers(len(self._runs))
         with ExitStack() as stack:
             stack.enter_context(collector_paused())
             stack.enter_context(switch_interval(self._switch_interval_us))
