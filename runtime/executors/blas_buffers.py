@@ -9,6 +9,7 @@ is locked, filling it takes longer than several ticks.
 from __future__ import annotations
 
 import threading
+from functools import cache
 
 import numpy as np
 from scipy.linalg.blas import dgemm
@@ -17,8 +18,9 @@ _SIZE, _ROUNDS = 1024, 3
 """Of matrices whose product takes tens of milliseconds, so that all threads are in it together; and how often."""
 
 
+@cache
 def make_blas_buffers(threads: int) -> None:
-    """Have so many threads compute at the same time.
+    """Have so many threads compute at the same time, once in the life of the process.
 
     Args:
         threads: as many as loops.

@@ -39,6 +39,8 @@ FLOODED_STEP_NS = 500 * MS
 """Of a link that sends to too many."""
 MALFORMED = 20
 """Messages on each topic."""
+SHORT = (ros.E_STOP, ros.ARM, ros.HEARTBEAT, ros.RESET, ros.RELEASE)
+"""Topics whose messages are so short that chance may hit one that is well formed."""
 
 
 def drives_let_go(config: Uslgo1Config) -> int:
@@ -98,18 +100,19 @@ def recorder_killed(computer: Computer, wires: Wires, begin_ns: int, end_ns: int
     wires.once(end_ns, computer.start_recorder)
 
 
-def partitioned(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
-    """Nothing comes from the operator; then all at once, and the operator asks to walk again."""
-    operator.walks_again(wires, end_ns)
-    wires.once(begin_ns, partial(computer.network.cut, OPERATOR))
-    wires.once(end_ns, partial(computer.network.mend, OPERATOR))
+def partitioned(asked: float) -> Inject:
+    """Nothing comes from the operator, then all at once.
 
+    Args:
+        asked: when the operator asks to walk again, as a share of that time: at its end, or to nobody who hears.
+    """
 
-def partitioned_while_asked(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
-    """What the operator asks for while nothing comes through arrives when nobody expects it any more."""
-    operator.walks_again(wires, (begin_ns + end_ns) // 2)
-    wires.once(begin_ns, partial(computer.network.cut, OPERATOR))
-    wires.once(end_ns, partial(computer.network.mend, OPERATOR))
+    def inject(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+        operator.walks_again(wires, begin_ns + int(asked * (end_ns - begin_ns)))
+        wires.once(begin_ns, partial(computer.network.cut, OPERATOR))
+        wires.once(end_ns, partial(computer.network.mend, OPERATOR))
+
+    return inject
 
 
 def flooded(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
@@ -124,20 +127,17 @@ def flooded(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> Non
 
 
 def malformed_messages(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
-    """Somebody sends what cannot be read, on every topic but the emergency stop's."""
+    """Somebody sends what cannot be read, on every topic but the short ones."""
     session = computer.network.join("babbler")
+    spoken = {topic: type_name for topic, type_name in TYPES.items() if topic not in SHORT}
 
     def babble() -> None:
-        for topic, type_name in TYPES.items():
+        for topic, type_name in spoken.items():
             publisher = session.publisher(topic, type_name)
-            for _ in range(MALFORMED if topic not in _SHORT else 0):
+            for _ in range(MALFORMED):
                 publisher.put(wires.rng.bytes(int(wires.rng.integers(200))))
 
     wires.once(begin_ns, babble)
-
-
-_SHORT = (ros.E_STOP, ros.ARM, ros.HEARTBEAT, ros.RESET, ros.RELEASE)
-"""Topics whose messages are so short that chance may hit one that is well formed."""
 
 
 def disk_full(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
@@ -201,7 +201,7 @@ COMPUTER_ROWS = (
     ),
     ComputerRow(
         "operator partitioned",
-        partitioned,
+        partitioned(asked=1.0),
         PAUSE,
         stood(lease_over),
         3 * SECOND_NS,
@@ -210,7 +210,7 @@ COMPUTER_ROWS = (
     ),
     ComputerRow(
         "operator partitioned, and asks",
-        partitioned_while_asked,
+        partitioned(asked=0.5),
         STAND,
         stood(lease_over),
         3 * SECOND_NS,
