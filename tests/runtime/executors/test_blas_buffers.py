@@ -5,9 +5,10 @@ import subprocess
 import sys
 
 MEETING = """
+import ctypes
 import threading
 import numpy as np
-from scipy.linalg.blas import dgemm
+from numba.extending import get_cython_function_address
 from runtime.executors.blas_buffers import make_blas_buffers
 
 def held_mib():
@@ -15,12 +16,25 @@ def held_mib():
         writable = [line.split()[0].split("-") for line in maps if " rw-p " in line]
     return sum(int(end, 16) - int(begin, 16) for begin, end in writable) >> 20
 
-matrix, together = np.ones((1024, 1024)), threading.Barrier(2)
+SIZE = 1024
+address = get_cython_function_address("scipy.linalg.cython_blas", "dgemm")
+dgemm = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 13)(address)  # as kernels call it, without the interpreter
+size, factor, plain = ctypes.c_int(SIZE), ctypes.c_double(1.0), ctypes.c_char(b"n")
+matrix, together = np.ones((SIZE, SIZE)), threading.Barrier(2)
+
+def at(value):
+    return ctypes.addressof(value)
+
+def product(result):
+    data = matrix.ctypes.data
+    sizes = at(size), at(size), at(size)
+    dgemm(at(plain), at(plain), *sizes, at(factor), data, at(size), data, at(size), at(factor), result, at(size))
 
 def compute():
+    result = np.zeros((SIZE, SIZE))
     for _ in range(5):
         together.wait()
-        dgemm(1.0, matrix, matrix)
+        product(result.ctypes.data)
         together.wait()
         matrix @ matrix
 
