@@ -11,7 +11,8 @@ from runtime.executors.resources import FILES_HELD
 LONG_S = 600.0
 """From this duration on it is judged what processes hold; in shorter runs they still warm up."""
 MEMORY_GROWTH_MAX = 0.02
-
+LOCKED, TAKEN_MAX_BYTES = "control", 1 << 20
+"""The process whose memory is locked: what it takes while its loops run is filled within a tick, 1 MiB in 2 ms."""
 
 Faults = Sequence[Mapping[str, Any]]
 
@@ -23,11 +24,13 @@ def flaws(faults: Faults, pauses: Faults, resources: Mapping[str, Any], duration
         faults: losses of power, each with its cause, the bound of a stall that may make it or None, and the stall that
             did or None.
         pauses: stands of a robot on its way, alike.
-        resources: by process, what it held early and late.
+        resources: by process, what it held when its loops had begun, early and late.
         duration_s: of a walk lap after lap; None for one scenario.
     """
     found = [f"power was lost to {_unexplained(fault)}" for fault in faults if fault["stall"] is None]
     found += [f"the robot paused for {_unexplained(fault)}" for fault in pauses if fault["stall"] is None]
+    if LOCKED in resources:
+        found += _taken(resources[LOCKED]["begun"], resources[LOCKED]["late"])
     if duration_s is not None and duration_s >= LONG_S:
         for process, held in resources.items():
             found += _kept(process, held["early"], held["late"])
@@ -40,6 +43,14 @@ def _unexplained(fault: Mapping[str, Any]) -> str:
     loops, bound_ms = " or ".join(fault["bound"]["loops"]), fault["bound"]["ms"]
     beyond = f"without a stall of {loops} beyond {bound_ms:.3g} ms before it"
     return f"{fault['cause']} {beyond}, but of {fault['stalled_ms']:.3g} ms"
+
+
+def _taken(begun: Mapping[str, int] | None, late: Mapping[str, int] | None) -> Iterator[str]:
+    if begun is None or late is None:
+        return
+    taken = late["data_bytes"] - begun["data_bytes"]
+    if taken >= TAKEN_MAX_BYTES:
+        yield f"{LOCKED} took {taken / 1e6:.1f} MB of memory while its loops ran, and was held up filling it"
 
 
 def _kept(process: str, early: Mapping[str, int] | None, late: Mapping[str, int] | None) -> Iterator[str]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,11 @@ import numpy.typing as npt
 from runtime.executors.resources import Resources
 from runtime.executors.runtime_directory import runtime_directory
 from runtime.executors.tick import TICK_TOPIC_PREFIX
+from runtime.recording.fault_events import FaultEvent, fault_events
+from runtime.recording.log import Log
 from runtime.recording.run_data import BODY_STATE
-from runtime.recording.stalls import FaultEvent, fault_events
-from runtime.robots import assembled
+from runtime.recording.stepping_again import needed_ns
+from runtime.robots import assemble, assembled
 from sim_bridge.endurance import check_has_laps
 from sim_bridge.live_flaws import flaws
 from sim_bridge.live_processes import LiveProcesses, wired
@@ -28,7 +31,8 @@ from sim_bridge.run import with_variant
 from sim_bridge.run_bags import RunBags
 from sim_bridge.simulation import simulation_of
 
-SETTLED_S = 120.0
+BEGUN_S, SETTLED_S = 1.0, 120.0
+"""When all loops are running, and when all processes have warmed up."""
 
 
 def run_live(
@@ -70,7 +74,7 @@ def run_live(
             live.stop()
     bags = RunBags(out, lambda sentence: print(f"ugv sil: {sentence}", file=sys.stderr))
     bounds = simulation_of(config).stall_bounds()
-    events = [fault_events(log, bounds) for log in bags]
+    events = [fault_events(log, bounds, partial(_needs, log)) for log in bags]
     faults = [told(event) for losses, _ in events for event in losses]
     pauses = [told(event) for _, stands in events for event in stands]
     found = flaws(faults, pauses, outcome["resources"], duration_s)
@@ -94,6 +98,10 @@ def run_live(
     return summary
 
 
+def _needs(log: Log, loop: str, from_ns: int, to_ns: int) -> Mapping[int, int]:
+    return needed_ns(log, assemble(log.robot, log.config), loop, from_ns, to_ns)
+
+
 def _watched(live: LiveProcesses, progress: Progress) -> dict[str, Any]:
     for sentence in live.refused:
         print(f"ugv sil: the simulator: {sentence}", file=sys.stderr)
@@ -113,12 +121,16 @@ def _unseen(done_s: float, expected_s: float) -> None:
 
 
 def growth(held: Sequence[tuple[float, Mapping[str, Resources]]]) -> dict[str, Any]:
-    """What each process held after two minutes (or a fifth of a shorter run) and at the end; None if missing."""
+    """What each process held when its loops ran, after two minutes, and at the end; None if missing.
+
+    Of a run shorter than ten minutes it is after a fifth of it.
+    """
     if not held:
         return {}
     settled_s = min(SETTLED_S, 0.2 * held[-1][0])
+    begun = next((row for at_s, row in held if at_s >= BEGUN_S), held[-1][1])
     early = next(row for at_s, row in held if at_s >= settled_s)
-    samples = {"early": early, "late": held[-1][1]}
+    samples = {"begun": begun, "early": early, "late": held[-1][1]}
     names = sorted({name for _, row in held for name in row})
     return {name: {when: _figures(row.get(name)) for when, row in samples.items()} for name in names}
 
@@ -129,7 +141,7 @@ def _figures(held: Resources | None) -> dict[str, int] | None:
 
 def told(event: FaultEvent) -> dict[str, Any]:
     """A fault with the stall of the machine that explains it, and the bound of that; None where there is none."""
-    bound, stall = event.bound, event.stall
+    bound, stall, slow = event.bound, event.stall, event.slow
     return {
         "at_ns": event.at_ns,
         "fault": str(event.fault.name),
@@ -137,6 +149,7 @@ def told(event: FaultEvent) -> dict[str, Any]:
         "bound": bound and {"loops": bound.loops, "ms": bound.bound_ns * 1e-6},
         "stall": stall and {"loop": stall.loop, "ms": stall.length_ns * 1e-6},
         "stalled_ms": event.stalled_ns * 1e-6,
+        "slow": slow and {"ticks": slow.ticks, "took_ms": slow.took_ns * 1e-6, "need_ms": slow.need_ns * 1e-6},
     }
 
 

@@ -88,7 +88,15 @@ def _laid(fault: Mapping[str, Any]) -> str:
     if bound is None:
         return f"{fault['fault']}, which no stall makes"
     found = f"after a stall of {stall['loop']} of {stall['ms']:.3g} ms" if stall else "no stall"
-    return f"{fault['fault']}, {found} beyond {bound['ms']:.3g} ms"
+    return f"{fault['fault']}, {found} beyond {bound['ms']:.3g} ms{_slow(fault['slow'])}"
+
+
+def _slow(slow: Mapping[str, Any] | None) -> str:
+    """What ticks took and what their tasks need, if that is what tells the stall."""
+    if slow is None:
+        return ""
+    took, need = (f"for {slow[key]:.3g} ms" for key in ("took_ms", "need_ms"))
+    return f" ({slow['ticks']} ticks computed {took}; stepped again, {need})"
 
 
 def _held(early: Mapping[str, int], late: Mapping[str, int]) -> str:

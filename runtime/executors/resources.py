@@ -17,11 +17,13 @@ class Resources(NamedTuple):
 
     Attributes:
         resident_bytes: of memory.
+        data_bytes: of memory of its own, whether or not it was used yet.
         open_files: descriptors.
         mapped_files: mappings that have a file.
     """
 
     resident_bytes: int
+    data_bytes: int
     open_files: int
     mapped_files: int
 
@@ -30,8 +32,9 @@ def resources_of(pid: int) -> Resources | None:
     """What a process holds now; None if it is gone or another user's."""
     process = Path("/proc") / str(pid)
     try:
-        resident = int((process / "statm").read_text().split()[1]) * _PAGE
+        pages = (process / "statm").read_text().split()
+        resident, data = int(pages[1]) * _PAGE, int(pages[5]) * _PAGE
         mapped = sum(" /" in line for line in (process / "maps").read_text().splitlines())
-        return Resources(resident, len(os.listdir(process / "fd")), mapped)
+        return Resources(resident, data, len(os.listdir(process / "fd")), mapped)
     except OSError:
         return None

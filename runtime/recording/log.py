@@ -157,10 +157,17 @@ class Log:
         except json.JSONDecodeError as error:
             raise LogError(f"{self.path}: {name} is not JSON ({error})") from None
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """Every message in the order of the file, or those of some topics."""
+    def messages(self, topics: Collection[str] | None = None, from_ns: int = 0) -> Iterator[Message]:
+        """Every message in the order of the file, or those of some topics.
+
+        Args:
+            topics: their names; None for all.
+            from_ns: chunks that end before this log time are passed over.
+        """
         wanted = {n: topic for n, topic in self._topic_of.items() if topics is None or topic in topics}
         for place in self._scan.chunks:
+            if place.end_ns < from_ns:
+                continue
             for number, sequence, log_ns, payload in mcap_scan.messages(
                 self._scan, mcap_scan.content(self._scan, place)
             ):

@@ -40,8 +40,8 @@ class LoggedTick:
     checksums: memoryview | None = None
 
 
-def logged_ticks(log: Log, manifest: Manifest) -> Iterator[LoggedTick]:
-    """Every tick of the log, in the order in which they were recorded."""
+def logged_ticks(log: Log, manifest: Manifest, from_ns: int = 0) -> Iterator[LoggedTick]:
+    """Every tick of the log, in the order in which they were recorded, or those from some log time on."""
     origin_ns = log.origin_ns
     loop_of = {channel.record.topic: channel.loop for channel in manifest.channels}
     sizes = {channel.record.topic: channel.record.cdr_size for channel in manifest.channels}
@@ -49,7 +49,7 @@ def logged_ticks(log: Log, manifest: Manifest) -> Iterator[LoggedTick]:
     continuity = {channel.loop: Continuity(channel.loop) for channel in manifest.channels}
     checksum_loops = {CHECKSUM_TOPIC_PREFIX + channel.loop: channel.loop for channel in manifest.channels}
     current: LoggedTick | None = None
-    for topic, _, log_ns, body in log.messages({*loop_of, *checksum_loops}):
+    for topic, _, log_ns, body in log.messages({*loop_of, *checksum_loops}, from_ns):
         if len(body) != sizes.get(topic, len(body)):
             log.note_damage(
                 f"{topic} at {(log_ns - origin_ns) / 1e9:.3f} s has {len(body)} bytes instead of {sizes[topic]}"

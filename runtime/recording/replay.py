@@ -9,6 +9,7 @@ only held; the loop is stepped again from a key-frame on. Periods that an overru
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Any
@@ -26,6 +27,15 @@ from runtime.tasks import Loop, Task, due
 
 _HISTORY = 4096
 _PROGRESS_TICKS = 64
+_KEY_FRAMES_BEFORE = 3
+"""From so many before the wanted stretch the log is read: by then every signal has been logged, and a key-frame."""
+
+Stepped = Callable[[str, int, int], None]
+"""Is told the loop, the index and the processor time, ns, of the tasks of a tick that was stepped again."""
+
+
+def unheard(loop: str, index: int, spent_ns: int) -> None:
+    """Nobody listens."""
 
 
 class Replay:
@@ -54,7 +64,7 @@ class Replay:
         self._log, self._loops = log, tuple(loops)
         self._manifest = manifest_of(self._loops)
         log.check(robot, self._manifest)
-        key_frame_ns = self._check_loops(log.json(setup.MANIFEST))
+        self._key_frame_ns = key_frame_ns = self._check_loops(log.json(setup.MANIFEST))
         self._notes: list[str] = []
         foreign = fingerprint.differences(_marks(log), fingerprint.fingerprint())
         if comparing is None:
@@ -93,6 +103,7 @@ class Replay:
         to_s: float = float("inf"),
         progress: Callable[[float], None] | None = None,
         tasks: Collection[str] | None = None,
+        stepped: Stepped = unheard,
     ) -> ReplayResult:
         """Replay a stretch; from a later time, each loop starts at its first key-frame from then on.
 
@@ -103,6 +114,7 @@ class Replay:
             to_s: its end.
             progress: told the fraction done.
             tasks: names of those to step; the others' outputs are taken from the log. None steps all.
+            stepped: told of every tick that was stepped.
         """
         results = {i.task.name: TaskResult(i.task.name, loop.name) for loop in self._loops for i in loop.schedule}
         unknown = sorted(set(tasks or ()) - set(results))
@@ -112,12 +124,13 @@ class Replay:
         selected = frozenset(results if tasks is None else tasks)
         end_ns = min(to_s * 1e9, self._log.end_ns - self._log.origin_ns)
         begin_ns = from_s * 1e9
-        self._ticks = logged_ticks(self._log, self._manifest)
+        read_from_ns = self._log.origin_ns + int(begin_ns) - _KEY_FRAMES_BEFORE * self._key_frame_ns
+        self._ticks = logged_ticks(self._log, self._manifest, read_from_ns)
         for count, tick in enumerate(iter(self._next, None)):
             assert tick is not None
             if tick.at_ns > to_s * 1e9:
                 break
-            self._step(tick, begin_ns, selected, result)
+            self._step(tick, begin_ns, selected, result, stepped)
             if progress is not None and count % _PROGRESS_TICKS == 0:
                 progress(
                     min(1.0, (tick.at_ns - begin_ns) / max(1.0, end_ns - begin_ns)) if tick.at_ns > begin_ns else 0.0
@@ -154,7 +167,14 @@ class Replay:
                     del history[next(iter(history))]
         return tick
 
-    def _step(self, tick: LoggedTick, begin_ns: float, selected: frozenset[str], result: ReplayResult) -> None:
+    def _step(
+        self,
+        tick: LoggedTick,
+        begin_ns: float,
+        selected: frozenset[str],
+        result: ReplayResult,
+        stepped: Stepped,
+    ) -> None:
         run, wanted = self._runs[tick.loop], tick.at_ns >= begin_ns
         self._note_damage(run, tick, result)
         if tick.gap is not None:
@@ -173,15 +193,19 @@ class Replay:
         run.load_inputs(tick)
         if run.is_key_frame(tick):
             self._pass_key_frame(run, tick, selected, result)
+        spent_ns = 0
         for item in run.loop.schedule:
             if due(item, tick.index):
                 if item.task.name in selected:
+                    began_ns = time.thread_time_ns()
                     item.task.step(tick.now_ns)
+                    spent_ns += time.thread_time_ns() - began_ns
                     self._compare_outputs(run, tick, item.task, result)
                 else:
                     for record in item.task.writes:
                         if record.topic in tick.bodies:
                             record.load(tick.bodies[record.topic])
+        stepped(tick.loop, tick.index, spent_ns)
 
     def _receive(self, run: LoopReplay, tick: LoggedTick) -> bool:
         """Load what the step consumed; False if the log does not hold it."""

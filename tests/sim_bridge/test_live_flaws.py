@@ -5,7 +5,7 @@ import pytest
 
 from sim_bridge.live_flaws import LONG_S, flaws
 
-HELD = {"resident_bytes": 100_000_000, "open_files": 20, "mapped_files": 300}
+HELD = {"resident_bytes": 100_000_000, "data_bytes": 80_000_000, "open_files": 20, "mapped_files": 300}
 IMU = {
     "fault": "STALE_IMU|NO_LEASE",
     "cause": "STALE_IMU",
@@ -16,7 +16,7 @@ IMU = {
 
 
 def kept(late, early=HELD, duration_s=LONG_S):
-    return flaws([], [], {"control": {"early": early, "late": late}}, duration_s)
+    return flaws([], [], {"control": {"begun": HELD, "early": early, "late": late}}, duration_s)
 
 
 def test_only_a_fault_without_a_stall_beyond_its_bound_is_a_flaw():
@@ -31,7 +31,7 @@ def test_only_a_fault_without_a_stall_beyond_its_bound_is_a_flaw():
 
 def test_processes_that_keep_nothing_have_no_flaw():
     assert kept(HELD) == []
-    assert kept({"resident_bytes": 101_900_000, "open_files": 19, "mapped_files": 299}) == []
+    assert kept(HELD | {"resident_bytes": 101_900_000, "open_files": 19, "mapped_files": 299}) == []
 
 
 @pytest.mark.parametrize(
@@ -50,3 +50,13 @@ def test_what_is_kept_is_told(change, sentence):
 
 def test_a_process_that_was_missing_is_told():
     assert kept(None) == kept(HELD, early=None) == ["control was not there all the time"]
+
+
+@pytest.mark.parametrize("duration_s", [None, 10.0, LONG_S])
+def test_memory_that_control_takes_while_its_loops_run_is_told_of_any_run(duration_s):
+    buffer = HELD | {"data_bytes": HELD["data_bytes"] + (32 << 20)}
+    sentence = "control took 33.6 MB of memory while its loops ran, and was held up filling it"
+    assert kept(buffer, duration_s=duration_s) == [sentence]
+    assert kept(HELD | {"data_bytes": HELD["data_bytes"] + 4096}, duration_s=duration_s) == []
+    others = {"link": {"begun": HELD, "early": HELD, "late": buffer}}
+    assert flaws([], [], others, duration_s) == []

@@ -61,9 +61,9 @@ def test_without_a_bag_there_is_one_sentence(out):
 
 
 def test_a_process_that_is_missing_at_a_sample_is_told():
-    held = Resources(1000, 10, 5)
+    held = Resources(1000, 800, 10, 5)
     rows = [(1.0, {"link": held, "control": held}), (5.0, {"link": held}), (10.0, {"control": held})]
     assert growth(rows) == {
-        "control": {"early": None, "late": held._asdict()},
-        "link": {"early": held._asdict(), "late": None},
+        "control": {"begun": held._asdict(), "early": None, "late": held._asdict()},
+        "link": {"begun": held._asdict(), "early": held._asdict(), "late": None},
     }

@@ -5,7 +5,8 @@ from functools import cache
 
 import pytest
 
-from runtime.recording.stalls import Stall, judged
+from runtime.recording.fault_events import judged
+from runtime.recording.stalls import Stall
 from runtime.robots import load_configuration
 from runtime.signals import Fault
 from sim_bridge.simulation import simulation_of
@@ -37,7 +38,7 @@ STALLS = [
     # three ticks of 2 ms are bridged, so that it is the fourth that misses its reply; one passes until the next is due
     ("uslgo1", Fault.STALE_MOTOR, "sim", 6),
     # a read takes 12 frames of a bus, which are the replies of its 3 drives to 4 ticks of 2 ms
-    ("uslgo1", Fault.BUS, "sim", 8),
+    ("uslgo1", Fault.BUS, "sim", 6.2),
     # plans of 20 ms that hold from their stamp on
     ("uslgo1", Fault.STALE_FORCES, "mpc", 180),
     ("uslgo1", Fault.NO_FORCES, "mpc", 680),

@@ -70,7 +70,8 @@ def test_a_slippery_patch_is_told_of(speeds: tuple[float | None, ...], said: str
     assert rows["slippery patch"] == f"side slip up to 5.7 degrees{said}"
 
 
-SIM_STALL = {"loop": "sim", "ms": 34.2}
+SIM_STALL, WBC_STALL = {"loop": "sim", "ms": 34.2}, {"loop": "wbc", "ms": 5.0}
+SLOW = {"ticks": 3, "took_ms": 6.08, "need_ms": 1.08}
 
 
 def test_a_walk_against_the_clock_tells_of_laps_losses_and_what_is_held() -> None:
@@ -80,11 +81,14 @@ def test_a_walk_against_the_clock_tells_of_laps_losses_and_what_is_held() -> Non
         "laps": 8,
         "flaws": ["control holds 23 open files, 20 before"],
         "faults": [
-            {"at_ns": 5, "fault": "STALE_IMU", "bound": {"loops": ["sim"], "ms": 16.0}, "stall": SIM_STALL},
-            {"at_ns": 7, "fault": "STALE_IMU", "bound": {"loops": ["sim"], "ms": 16.0}, "stall": None},
-            {"at_ns": 9, "fault": "TILT", "bound": None, "stall": None},
+            {"fault": "STALE_IMU", "bound": {"loops": ["sim"], "ms": 16.0}, "stall": SIM_STALL, "slow": None},
+            {"fault": "STALE_IMU", "bound": {"loops": ["sim"], "ms": 16.0}, "stall": None, "slow": None},
+            {"fault": "TILT", "bound": None, "stall": None, "slow": None},
         ],
-        "pauses": [{"fault": "LATE_LOOP", "bound": {"loops": ["wbc"], "ms": 3.6}, "stall": {"loop": "wbc", "ms": 5.0}}],
+        "pauses": [
+            {"fault": "LATE_LOOP", "bound": {"loops": ["wbc"], "ms": 3.6}, "stall": WBC_STALL, "slow": None},
+            {"fault": "LATE_LOOP", "bound": {"loops": ["wbc"], "ms": 3.6}, "stall": WBC_STALL, "slow": SLOW},
+        ],
         "imu_age_ms": {"median": 0.64, "p99": 2.7, "max": 12.0},
         "resources": {
             "control": {"early": early, "late": early | {"open_files": 23}},
@@ -99,6 +103,11 @@ def test_a_walk_against_the_clock_tells_of_laps_losses_and_what_is_held() -> Non
         ("power lost", "STALE_IMU, no stall beyond 16 ms"),
         ("power lost", "TILT, which no stall makes"),
         ("paused", "LATE_LOOP, after a stall of wbc of 5 ms beyond 3.6 ms"),
+        (
+            "paused",
+            "LATE_LOOP, after a stall of wbc of 5 ms beyond 3.6 ms"
+            " (3 ticks computed for 6.08 ms; stepped again, for 1.08 ms)",
+        ),
         ("age of inertial samples", "median 0.64, p99 2.70, max 12.00 ms"),
         ("held by control", "120.0 then 120.0 MB, 20 then 23 open files, 300 then 300 mapped files"),
     ]
