@@ -18,6 +18,7 @@ import zenoh.ext
 
 from runtime.errors import UgvError
 from runtime.messages.attachment import GID_BYTES, Attachment
+from runtime.messages.foreign_thread import keep_thread_state
 from runtime.messages.keys import (
     DEFAULT_QUALITY,
     TRANSIENT_LOCAL_QUALITY,
@@ -176,6 +177,7 @@ class RosSession:
         """Hand every message of a topic to a receiver, in the thread that read it from the network."""
 
         def take(sample: zenoh.Sample) -> None:
+            keep_thread_state()
             if sample.kind != zenoh.SampleKind.PUT:
                 receiver.refuse("a topic's value cannot be deleted")
             elif len(sample.payload) > LARGEST_PAYLOAD_BYTES:
