@@ -20,6 +20,7 @@ from runtime.executors.loop_run import InputPort
 from runtime.executors.switch_interval import switch_interval
 from runtime.records import Record
 from sim_bridge.world import World
+from sim_bridge.worst_lag import Lag, WorstLag
 
 START_AFTER_NS = 5_000_000
 POLL_NS = 1_000_000
@@ -56,7 +57,7 @@ class LiveWorld:
         wires: those buses.
         step_ns: of its physics.
         sources: looked at after every step.
-        ticks: logs the worst of the steps since the last tick, given the time of its first release.
+        ticks: logs the step since the last tick that was latest, given the time of its first release.
 
     Attributes:
         lost_ns: for which the world stood still, since it was too late.
@@ -80,19 +81,19 @@ class LiveWorld:
         with collector_paused(), switch_interval(SWITCH_INTERVAL_US):
             self._wait(alarm, over)
             self.start_ns = time.monotonic_ns() + START_AFTER_NS
-            ticks, now_ns, latency_ns, longest_ns = self._ticks(self.start_ns), 0, 0, 0
+            ticks, now_ns, lag = self._ticks(self.start_ns), 0, WorstLag()
             while not over(now_ns):
                 due_ns = self.start_ns + now_ns + self._step_ns
                 alarm.sleep_until(due_ns)
-                began_ns = time.monotonic_ns()
+                began_ns, lost_ns = time.monotonic_ns(), self.lost_ns
                 self._stand_still(began_ns - due_ns - LONGEST_LAG_NS)
                 now_ns += self._step_ns
                 self._step(now_ns)
                 done_ns = time.monotonic_ns()
-                latency_ns, longest_ns = max(latency_ns, began_ns - due_ns), max(longest_ns, done_ns - began_ns)
+                lag.note(Lag(due_ns, began_ns, done_ns), lost_ns)
                 if done_ns >= ticks.release_ns:
-                    ticks.log(latency_ns, longest_ns, CPU_NS, done_ns)
-                    latency_ns = longest_ns = 0
+                    worst = lag.take(self.lost_ns)
+                    ticks.log(worst.due_ns, worst.began_ns, worst.done_ns, CPU_NS, done_ns)
         return now_ns
 
     def _stand_still(self, too_late_ns: int) -> None:

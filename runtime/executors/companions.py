@@ -48,15 +48,23 @@ class CompanionTicks:
 
     def done(self, began_ns: int, done_ns: int, cpu_ns: int, *records: Record) -> None:
         """Log a tick that was due at `release_ns`, and records of the companion's own; go on to the next not past."""
-        self.log(began_ns - self.release_ns, done_ns - began_ns, cpu_ns, done_ns, *records)
+        self.log(self.release_ns, began_ns, done_ns, cpu_ns, done_ns, *records)
 
-    def log(self, wake_latency_ns: int, compute_ns: int, cpu_ns: int, done_ns: int, *records: Record) -> None:
-        """As `done`, for a companion that steps more often than it ticks and tells the worst of its steps."""
+    def log(self, due_ns: int, began_ns: int, done_ns: int, cpu_ns: int, now_ns: int, *records: Record) -> None:
+        """As `done`, for a companion that steps more often than it ticks and tells of one of its steps.
+
+        Args:
+            due_ns: when the step should have begun.
+            began_ns: when it began.
+            done_ns: when it was done.
+            cpu_ns: processor time of it, 0 if not measured.
+            now_ns: the present.
+            records: of the companion's own.
+        """
         tick = self._tick
-        tick.index, tick.release_ns = self._index, self.release_ns
-        tick.now_ns = tick.release_ns + wake_latency_ns
-        tick.wake_latency_ns, tick.compute_ns, tick.cpu_ns = wake_latency_ns, compute_ns, cpu_ns
-        tick.late, tick.dropped = done_ns > tick.release_ns + self._period_ns, self._sink.dropped
+        tick.index, tick.release_ns, tick.now_ns = self._index, due_ns, began_ns
+        tick.wake_latency_ns, tick.compute_ns, tick.cpu_ns = began_ns - due_ns, done_ns - began_ns, cpu_ns
+        tick.late, tick.dropped = now_ns > self.release_ns + self._period_ns, self._sink.dropped
         entries = ((self._headers[record.topic], record.to_bytes()) for record in (tick, *records))
         self._sink.write(b"".join(part for entry in entries for part in entry))
-        self._index, tick.skipped = next_tick(self._index, self._start_ns, self._period_ns, done_ns)
+        self._index, tick.skipped = next_tick(self._index, self._start_ns, self._period_ns, now_ns)

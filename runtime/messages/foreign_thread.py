@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threads that Python did not start and that call it again and again, as those in which zenoh reads the network.
 
-For each call the interpreter makes such a thread a state of its own, which takes memory mapped from the system and gives
-it back: a thousand mappings a second, each of which interrupts the other processors.
+For each call the interpreter makes such a thread a state of its own, and drops it afterwards. It lies in memory that is
+mapped and unmapped, hundreds of times a second, which interrupts the other processors.
 """
 
 from __future__ import annotations

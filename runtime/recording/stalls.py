@@ -15,13 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from runtime.executors.companions import SIM
 from runtime.signals import Fault
 
 STALL_NS = 1_000_000
 """For less than that loops wait on a machine at rest too."""
-TOLD_LATE_NS = {SIM.name: SIM.period_ns}
-"""A tick of the simulator tells the worst of the steps since the last one, and not when that was."""
 
 
 class Stall(NamedTuple):
@@ -57,15 +54,13 @@ class StallBound(NamedTuple):
 def stalls_in(loop: str, ticks: npt.NDArray[Any], least_ns: int = STALL_NS) -> list[Stall]:
     """Every stall of a loop of at least so long, from its ticks in their order.
 
-    A step's own computing is no stall, where it was measured.
-
-    Periods that a tick made the loop skip have passed meanwhile, even if the wake and the step took less: it was kept
-    while it read or sent.
+    Where a loop measures its own computing, that is no stall, and periods that a tick made it skip have passed even if
+    its wake and its step took less: it was kept while it read or sent.
     """
     kept_ns = ticks["wake_latency_ns"] + ticks["compute_ns"] - ticks["cpu_ns"]
     skipped = ticks["skipped"][1:].astype(np.int64)
     passed_ns = np.diff(ticks["release_ns"]) // (skipped + 1) * skipped - ticks["cpu_ns"][:-1]
-    consecutive = np.diff(ticks["index"]) == skipped + 1
+    consecutive = (np.diff(ticks["index"]) == skipped + 1) & (ticks["cpu_ns"][:-1] > 0)
     kept_ns[:-1] = np.where(consecutive, np.maximum(kept_ns[:-1], passed_ns), kept_ns[:-1])
     return [
         Stall(loop, int(ticks["release_ns"][row]), int(kept_ns[row])) for row in np.flatnonzero(kept_ns >= least_ns)
@@ -75,17 +70,11 @@ def stalls_in(loop: str, ticks: npt.NDArray[Any], least_ns: int = STALL_NS) -> l
 def stalled_ns(stalls: Iterable[Stall], from_ns: int, until_ns: int) -> int:
     """For how much of a time at least one of the loops was kept from its work."""
     total_ns, reached_ns = 0, from_ns
-    for begin_ns, end_ns in sorted(_placed(stall, until_ns) for stall in stalls):
+    for begin_ns, end_ns in sorted((stall.at_ns, stall.at_ns + stall.length_ns) for stall in stalls):
         begin_ns, end_ns = max(begin_ns, reached_ns), min(end_ns, until_ns)
         if end_ns > begin_ns:
             total_ns, reached_ns = total_ns + end_ns - begin_ns, end_ns
     return total_ns
-
-
-def _placed(stall: Stall, until_ns: int) -> tuple[int, int]:
-    """Begin and end of a stall; where its tick does not tell them exactly, before a time if they may be."""
-    earlier_ns = min(max(0, stall.at_ns + stall.length_ns - until_ns), TOLD_LATE_NS.get(stall.loop, 0))
-    return stall.at_ns - earlier_ns, stall.at_ns - earlier_ns + stall.length_ns
 
 
 def explanation(bound: StallBound, stalls: Iterable[Stall], at_ns: int) -> tuple[Stall | None, int]:

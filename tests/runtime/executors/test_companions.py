@@ -39,6 +39,17 @@ def test_a_companion_skips_the_periods_that_it_was_late_for_and_says_so():
     assert [tick.dropped for tick in seen] == [3, 3, 3]
 
 
+def test_a_companion_that_steps_more_often_tells_of_one_step_when_that_was():
+    sink = Sink()
+    ticks = CompanionTicks(LOOPS, SIM, sink, start_ns=100 * MS)
+    ticks.log(93 * MS, 96 * MS, 97 * MS, 0, 101 * MS)
+    assert (ticks.release_ns, ticks.index) == (110 * MS, 1)
+    record = manifest_of((*LOOPS, SIM)).of_topic(TICK_TOPIC_PREFIX + "sim").record.like()
+    record.load(next(iter(entries(sink[-1])))[1])
+    assert (record.index, record.release_ns, record.now_ns) == (0, 93 * MS, 96 * MS)
+    assert (record.wake_latency_ns, record.compute_ns, record.late) == (3 * MS, 1 * MS, 0)
+
+
 def test_no_companion_runs_between_the_control_loops():
     from runtime.robots import load_configuration
 
