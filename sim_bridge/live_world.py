@@ -24,6 +24,8 @@ from sim_bridge.worst_lag import Lag, WorstLag
 
 START_AFTER_NS = 5_000_000
 POLL_NS = 1_000_000
+PATIENCE_NS = 5_000_000_000
+"""For so long a world waits for those who listen to its operator."""
 SWITCH_INTERVAL_US = 100
 """A world that is late never sleeps, and the thread that sends the sensors' samples must not wait long for its turn."""
 LONGEST_LAG_NS = 5_000_000
@@ -58,6 +60,7 @@ class LiveWorld:
         step_ns: of its physics.
         sources: looked at after every step.
         ticks: logs the step since the last tick that was latest, given the time of its first release.
+        heard: whether somebody listens to the operator.
 
     Attributes:
         lost_ns: for which the world stood still, since it was too late.
@@ -70,13 +73,14 @@ class LiveWorld:
         step_ns: int,
         sources: Sequence[Source],
         ticks: Callable[[int], CompanionTicks],
+        heard: Callable[[], bool],
     ) -> None:
         self._world, self._wires, self._step_ns = world, wires, step_ns
-        self._sources, self._ticks = tuple(sources), ticks
+        self._sources, self._ticks, self._heard = tuple(sources), ticks, heard
         self.start_ns = self.lost_ns = 0
 
     def run(self, over: Callable[[int], bool]) -> int:
-        """Wait for the first frame, then run until `over(world time)`; returns the world time reached."""
+        """Wait for a frame and for listeners, then run until `over(world time)`; returns the world time reached."""
         alarm = Alarm()
         with collector_paused(), switch_interval(SWITCH_INTERVAL_US):
             self._wait(alarm, over)
@@ -109,4 +113,7 @@ class LiveWorld:
 
     def _wait(self, alarm: Alarm, over: Callable[[int], bool]) -> None:
         while not self._wires.receive(End.DEVICE, 0).bus.size and not over(0):
+            alarm.sleep_until(time.monotonic_ns() + POLL_NS)
+        until_ns = time.monotonic_ns() + PATIENCE_NS
+        while not self._heard() and time.monotonic_ns() < until_ns and not over(0):
             alarm.sleep_until(time.monotonic_ns() + POLL_NS)

@@ -155,6 +155,7 @@ def _live(task: Task, config: RobotConfig, course: Scenario, directory: Path) ->
             simulation.step_ns,
             sources,
             partial(CompanionTicks, (*loops, link), SIM, TickStream(directory / RECORDER_SOCKET)),
+            operator_ros.heard,
         )
 
         times: dict[str, float] = {}

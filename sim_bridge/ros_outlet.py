@@ -13,12 +13,14 @@ from types import TracebackType
 
 from runtime.link import topics as ros
 from runtime.messages.keys import DEFAULT_QUALITY, SENSOR_QUALITY
-from runtime.messages.session import Publisher, RosSession, session_config
+from runtime.messages.session import RosPublisher, RosSession, session_config
 from runtime.records import Record
 from runtime.robots.link_config import LinkConfig
 from sim_bridge.ros_messages import TYPES, Message, RosMessages
 
 CLOCK_STEP_NS = 5_000_000
+ORDERS = (ros.HEARTBEAT, ros.ARM, ros.MOTION, ros.RESET, ros.PATH)
+"""What an operator says once must not be said before somebody listens."""
 
 
 class RosOutlet:
@@ -41,7 +43,7 @@ class RosOutlet:
         self._sender = threading.Thread(target=self._send, name="ros")
         self._sender.start()
 
-    def _publisher(self, topic: str, type_name: str) -> Publisher:
+    def _publisher(self, topic: str, type_name: str) -> RosPublisher:
         return self._session.publisher(topic, type_name, SENSOR_QUALITY if topic == ros.IMU else DEFAULT_QUALITY)
 
     def publish(self, record: Record, start_ns: int) -> None:
@@ -49,6 +51,10 @@ class RosOutlet:
         record.stamp_ns += start_ns + self._unix_offset()  # type: ignore[attr-defined]
         for message in self._messages.of(record):
             self._waiting.put(message)
+
+    def heard(self) -> bool:
+        """Whether the link has subscribed to what an operator says."""
+        return all(self._publishers[topic].heard for topic in ORDERS)
 
     def _unix_offset(self) -> int:
         """From the monotonic to the unix clock, which may be set at any time; the reading's own noise is left out."""

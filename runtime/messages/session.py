@@ -112,6 +112,11 @@ class RosPublisher:
         attachment = Attachment(self._sequence, time.time_ns(), self._gid)
         self._publisher.put(payload, attachment=attachment.to_bytes())
 
+    @property
+    def heard(self) -> bool:
+        """Whether somebody has subscribed; only for a publisher that keeps no message."""
+        return bool(self._publisher.matching_status.matching)
+
 
 class RosSession:
     """A node of the ROS graph.

@@ -88,7 +88,8 @@ def main(configuration: str, directory: Path) -> None:
         loops = (*loops, link_loop(config.link, config.realtime.link_priority))
         ticks = partial(CompanionTicks, loops, SIM, TickStream(directory / RECORDER_SOCKET))
         print("ready", flush=True)
-        LiveWorld(world, wires, config.simulation.time_step_ns, sources, ticks).run(lambda now_ns: bool(stop))
+        live = LiveWorld(world, wires, config.simulation.time_step_ns, sources, ticks, ros.heard)
+        live.run(lambda now_ns: bool(stop))
 
 
 if __name__ == "__main__":
