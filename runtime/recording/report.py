@@ -16,10 +16,10 @@ import numpy as np
 from runtime.recording import run_data, setup
 from runtime.recording.counters import counters
 from runtime.recording.errors import LogError, RecordingError
+from runtime.recording.report_safety import safety_warnings
 from runtime.recording.report_timing import timing_cards, timing_section, timing_warnings
 from runtime.recording.report_wheels import stuck_wheels
 from runtime.recording.run_data import RunData, load_run
-from runtime.signals import Fault, Mode
 
 NAME = "report.html"
 
@@ -88,7 +88,7 @@ def warnings(data: RunData) -> list[str]:
     said += [f"The log has no {what}." for topic, what in expected.items() if topic not in data.signals]
     if data.path is None and run_data.PATH in data.signals:
         said.append("No path of at least two points was given, so there are no tracking errors.")
-    said += _safety_warnings(data) + stuck_wheels(data) + timing_warnings(data)
+    said += safety_warnings(data) + stuck_wheels(data) + timing_warnings(data)
     return said
 
 
@@ -99,33 +99,6 @@ _EXPECTED = {
 }
 _OF_JOINTS = {run_data.JOINT_STATE: "joint state (/ugv/joint_state)"}
 _OF_WHEELS = {run_data.WHEEL_STATE: "wheel state (/ugv/wheel_state)"}
-
-
-def _safety_warnings(data: RunData) -> list[str]:
-    safety = data.signals.get(run_data.SAFETY)
-    if safety is None:
-        return []
-    said = []
-    damped = np.flatnonzero(safety.values["mode"] == Mode.DAMPED)
-    if len(damped):
-        at = safety.log_ns[damped[0]] / 1e9
-        said.append(f"The robot was damped at {at:.2f} s: {_fault_names(int(safety.values['fault'][damped[0]]))}.")
-    on = safety.values["mode"] != Mode.OFF
-    for bit in Fault:
-        hit = np.flatnonzero(on & (safety.values["warning"] & int(bit) != 0))
-        if bit and len(hit):
-            name, ticks = _fault_names(int(bit)), _counted(len(hit), "tick")
-            said.append(f"Warning of {name} in {ticks}, first at {safety.log_ns[hit[0]] / 1e9:.2f} s.")
-    return said
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
-def _fault_names(bits: int) -> str:
-    names = [bit.name.lower().replace("_", " ") for bit in Fault if bit and bits & int(bit) and bit.name]
-    return ", ".join(names) if names else "no fault named"
 
 
 def _title(data: RunData) -> str:

@@ -22,8 +22,9 @@ from runtime.recording.errors import LogError, RecordingError
 from runtime.recording.figure_style import thinned
 from runtime.recording.log import Log
 from runtime.recording.report import write_report
+from runtime.recording.report_safety import safety_warnings
 from runtime.recording.report_wheels import stuck_wheels
-from runtime.recording.run_data import WHEEL_STATUS, load_run
+from runtime.recording.run_data import SAFETY, WHEEL_STATUS, load_run
 from runtime.recording.setup import TERRAIN, Attachment, recording_setup
 from runtime.records import Record, float64
 from runtime.tasks import Loop, Scheduled, Task
@@ -172,6 +173,17 @@ def test_the_report_has_the_figures_of_the_paper(walked):
         "Log",
     ]
     assert "The robot was damped at 1.50 s: tilt." in text
+
+
+def test_each_damping_is_told_with_its_time_up_to_a_dozen():
+    status = np.zeros(64, [("mode", "u1"), ("fault", "<u4"), ("warning", "<u4")])
+    status["mode"][:], status["mode"][2::4], status["mode"][3::4] = signals.Mode.ACTIVE, *[signals.Mode.DAMPED] * 2
+    status["fault"][2::4] = signals.Fault.BUS | signals.Fault.TILT
+    safety = SimpleNamespace(values=status, log_ns=np.arange(64) * 10**9)
+    said = safety_warnings(SimpleNamespace(signals={SAFETY: safety}))
+    assert said[0] == "The robot was damped at 2.00 s: tilt, bus."
+    assert said[11:] == ["The robot was damped at 46.00 s: tilt, bus.", "It was damped 4 times more."]
+    assert safety_warnings(SimpleNamespace(signals={})) == []
 
 
 def test_wheels_that_were_stuck_are_named_with_the_time():
