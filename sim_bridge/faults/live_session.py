@@ -30,7 +30,7 @@ from sim_bridge.process import Task
 ROBOT, SCENARIO = "uslgo1", "circle-6cm"
 WALKS_WITHIN_S = 90.0
 TELLS_WITHIN_S = 20.0
-DISK_BYTES = 3 << 30
+DISK_BYTES = 2 << 30
 """More than a campaign of a slow computer writes: only what is meant to fill the disk may."""
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _MNT_DETACH = 2
