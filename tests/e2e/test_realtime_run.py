@@ -19,7 +19,6 @@ from runtime.executors.processes import Processes
 from runtime.executors.runtime_directory import runtime_directory
 from runtime.link.loop import STATUS
 from runtime.link.topics import TAKEN
-from runtime.recording import run_data
 from runtime.recording.log import Log
 from runtime.recording.replay import Replay
 from runtime.robots import assemble
@@ -106,10 +105,9 @@ def test_the_one_command_that_runs_a_vehicle_drives_it_and_ends_in_order_when_to
         assert processes.stop("ugv", within_s=60.0) == 0
         processes.terminate("far end")
         outcome = next(answer["outcome"] for answer in answers if "outcome" in answer)
+    assert outcome["completed"] or outcome["fault"]
     (bag,) = tmp_path.iterdir()
     log = Log(bag)
-    paused = log.read_signal(run_data.SAFETY).values["halt"].any()
-    assert outcome["completed"] or outcome["fault"] or paused, "what kept it from its goal is told"
     assert not log.truncated
     assert log.counts()["/ugv/wheel_command_safe"]
     assert Replay(log, assemble(log.robot, log.config), log.robot).run().identical

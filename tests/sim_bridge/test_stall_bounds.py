@@ -37,7 +37,8 @@ STALLS = [
     ("4ws4wd", Fault.OVERRUNS, "drive", 35),
     # three ticks of 2 ms are bridged, so that it is the fourth that misses its reply; one passes until the next is due
     ("uslgo1", Fault.STALE_MOTOR, "sim", 6),
-    # a read takes 12 frames of a bus, which are the replies of its 3 drives to 4 ticks of 2 ms
+    # a read takes 12 frames of a bus, which are the replies of its 3 drives to 4 ticks of 2 ms; commands leave within
+    # 0.8 ms of their tick, and wait for a step of 1 ms
     ("uslgo1", Fault.BUS, "sim", 6.2),
     # plans of 20 ms that hold from their stamp on
     ("uslgo1", Fault.STALE_FORCES, "mpc", 180),

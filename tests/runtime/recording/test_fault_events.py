@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from runtime.executors.tick import Tick
 from runtime.recording import run_data
 from runtime.recording.fault_events import SlowTicks, fault_events, judged, taking_power
 from runtime.recording.stalls import Stall, StallBound
@@ -13,16 +14,7 @@ from runtime.signals import Fault, Mode
 
 MS = 1_000_000
 AT_NS = 800 * MS
-TICK = np.dtype(
-    [
-        ("index", "<i8"),
-        ("release_ns", "<i8"),
-        ("wake_latency_ns", "<i8"),
-        ("compute_ns", "<i8"),
-        ("cpu_ns", "<i8"),
-        ("skipped", "<u4"),
-    ]
-)
+TICK = Tick("", {"received": 1}).dtype
 SAFETY = np.dtype([("stamp_ns", "<i8"), ("mode", "u1"), ("fault", "<u4"), ("warning", "<u4"), ("halt", "<u4")])
 IMU = StallBound(Fault.STALE_IMU, ("link", "sim"), 16 * MS, 20 * MS)
 MOTOR = StallBound(Fault.STALE_MOTOR, ("sim",), 6 * MS, 10 * MS)

@@ -4,21 +4,13 @@
 import numpy as np
 import pytest
 
+from runtime.executors.tick import Tick
 from runtime.recording.stalls import Stall, StallBound, explanation, stalled_ns, stalls_in
 from runtime.signals import Fault
 
 MS = 1_000_000
 AT_NS = 800 * MS
-TICK = np.dtype(
-    [
-        ("index", "<i8"),
-        ("release_ns", "<i8"),
-        ("wake_latency_ns", "<i8"),
-        ("compute_ns", "<i8"),
-        ("cpu_ns", "<i8"),
-        ("skipped", "<u4"),
-    ]
-)
+TICK = Tick("", {"received": 1}).dtype
 IMU = StallBound(Fault.STALE_IMU, ("link", "sim"), 16 * MS, 20 * MS)
 
 
