@@ -17,18 +17,23 @@ LOCKED, TAKEN_MAX_BYTES = "control", 1 << 20
 Faults = Sequence[Mapping[str, Any]]
 
 
-def flaws(faults: Faults, pauses: Faults, resources: Mapping[str, Any], duration_s: float | None) -> list[str]:
+def flaws(
+    faults: Faults, pauses: Faults, ended_by: str, resources: Mapping[str, Any], duration_s: float | None
+) -> list[str]:
     """Faults that no stall of the machine explains, and what processes of a long walk have kept.
 
     Args:
         faults: losses of power, each with its cause, the bound of a stall that may make it or None, and the stall that
             did or None.
         pauses: stands of a robot on its way, alike.
+        ended_by: names of the fault that ended the run before its end; empty if none did.
         resources: by process, what it held when its loops had begun, early and late.
         duration_s: of a walk lap after lap; None for one scenario.
     """
     found = [f"power was lost to {_unexplained(fault)}" for fault in faults if fault["stall"] is None]
     found += [f"the robot paused for {_unexplained(fault)}" for fault in pauses if fault["stall"] is None]
+    if ended_by and not faults:
+        found.append(f"the robot never got to stand, and power was not lost: {ended_by}")
     if LOCKED in resources:
         found += _taken(resources[LOCKED]["begun"], resources[LOCKED]["late"])
     if duration_s is not None and duration_s >= LONG_S:

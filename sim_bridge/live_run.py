@@ -77,7 +77,7 @@ def run_live(
     events = [fault_events(log, bounds, partial(_needs, log)) for log in bags]
     faults = [told(event) for losses, _ in events for event in losses]
     pauses = [told(event) for _, stands in events for event in stands]
-    found = flaws(faults, pauses, outcome["resources"], duration_s)
+    found = flaws(faults, pauses, outcome["fault"], outcome["resources"], duration_s)
     summary = {
         "robot": robot,
         "scenario": scenario,

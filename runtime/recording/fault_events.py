@@ -160,10 +160,9 @@ def _judged_again(
 
 
 def _losses(mode: npt.NDArray[np.uint8]) -> list[int]:
-    """Rows at which a robot under power crouches or is damped."""
-    powered = (mode == Mode.STANDING) | (mode == Mode.ACTIVE)
+    """Rows at which a robot crouches or is damped, be it before it stands."""
     lost = (mode == Mode.DAMPED) | (mode == Mode.CROUCHING)
-    return [int(row) for row in np.flatnonzero(powered[:-1] & lost[1:]) + 1]
+    return [int(row) for row in np.flatnonzero(~lost[:-1] & lost[1:]) + 1]
 
 
 def _pauses(mode: npt.NDArray[np.uint8], halt: npt.NDArray[np.uint32]) -> list[int]:

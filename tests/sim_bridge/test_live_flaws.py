@@ -16,17 +16,21 @@ IMU = {
 
 
 def kept(late, early=HELD, duration_s=LONG_S):
-    return flaws([], [], {"control": {"begun": HELD, "early": early, "late": late}}, duration_s)
+    return flaws([], [], "", {"control": {"begun": HELD, "early": early, "late": late}}, duration_s)
 
 
 def test_only_a_fault_without_a_stall_beyond_its_bound_is_a_flaw():
     tilt = {"fault": "TILT", "cause": "TILT", "bound": None, "stall": None, "stalled_ms": 0.0}
     short = IMU | {"stall": None, "stalled_ms": 12.4}
-    assert flaws([IMU, short, tilt], [IMU, short], {}, None) == [
+    assert flaws([IMU, short, tilt], [IMU, short], "TILT", {}, None) == [
         "power was lost to STALE_IMU without a stall of sim or link beyond 16 ms before it, but of 12.4 ms",
         "power was lost to TILT, which no stall of a machine makes",
         "the robot paused for STALE_IMU without a stall of sim or link beyond 16 ms before it, but of 12.4 ms",
     ]
+
+
+def test_a_run_that_ended_by_a_fault_that_took_no_power_is_told():
+    assert flaws([], [], "NO_LEASE", {}, None) == ["the robot never got to stand, and power was not lost: NO_LEASE"]
 
 
 def test_processes_that_keep_nothing_have_no_flaw():
@@ -59,4 +63,4 @@ def test_memory_that_control_takes_while_its_loops_run_is_told_of_any_run(durati
     assert kept(buffer, duration_s=duration_s) == [sentence]
     assert kept(HELD | {"data_bytes": HELD["data_bytes"] + 4096}, duration_s=duration_s) == []
     others = {"link": {"begun": HELD, "early": HELD, "late": buffer}}
-    assert flaws([], [], others, duration_s) == []
+    assert flaws([], [], "", others, duration_s) == []

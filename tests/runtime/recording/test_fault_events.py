@@ -110,6 +110,12 @@ def test_a_crouch_and_the_damping_after_it_are_one_event():
     assert event.at_ns == AT_NS
 
 
+@pytest.mark.parametrize("before", [Mode.STANDBY, Mode.STANDING, Mode.ACTIVE])
+def test_a_robot_is_damped_from_anywhere(before):
+    (event,), _ = fault_events(Log([before] * 400 + [Mode.DAMPED] * 50), BOUNDS)
+    assert (event.at_ns, event.fault) == (AT_NS, Fault.STALE_MOTOR)
+
+
 def test_a_robot_that_sits_down_lost_nothing():
     assert fault_events(Log([Mode.ACTIVE] * 10 + [Mode.STANDING] * 10 + [Mode.STANDBY] * 10), BOUNDS) == ([], [])
 
