@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import socket
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from runtime.configuration import dump
 from runtime.executors.processes import ProcessError, Processes, how_it_ended
 from runtime.robots import load_configuration
 from runtime.robots.robot_config import RobotConfig
+from sim_bridge.free_port import free_port
 from sim_bridge.live_buses import MakeBuses, live_buses
 from sim_bridge.process import Task
 from sim_bridge.run import packed
@@ -42,7 +42,7 @@ def wired(
         wiring = {
             "drives.interface": buses.interface,
             "drives.channels": json.dumps(buses.channels),
-            "link.listen": json.dumps([f"tcp/127.0.0.1:{_free_port()}"]),
+            "link.listen": json.dumps([f"tcp/127.0.0.1:{free_port()}"]),
         }
         yield load_configuration(robot, {**chosen, **wiring}), buses.note
 
@@ -149,10 +149,3 @@ class LiveProcesses:
         for name in STOP_ORDER:
             if name in self.processes.names:
                 self.processes.stop(name)
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import socket
 import subprocess
 import threading
 from pathlib import Path
@@ -17,6 +16,7 @@ from runtime.messages import definitions
 from runtime.messages.keys import TRANSIENT_LOCAL_QUALITY, data_key
 from runtime.messages.session import RosSession, SessionError, session_config
 from runtime.messages.standard import decode_string, encode_string
+from sim_bridge.free_port import free_port
 
 DEPLOY = Path(__file__).parents[2] / "deploy" / "zenoh"
 TEXT = definitions.STRING
@@ -51,12 +51,6 @@ def put_until(publisher, inbox: Inbox, text: str) -> None:
         if inbox.wait_for(text, 0.1):
             return
     raise AssertionError(f"{text} did not arrive")
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -19,6 +18,7 @@ from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.executors.tick_stream import LOOK_AGAIN_NS, OBSERVER_SOCKET, TickListener
 from runtime.recording.log import Log
 from runtime.robots import assembled, load_configuration
+from sim_bridge.free_port import free_port
 from sim_bridge.tick_mirror import TickMirror
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("realtime")]
@@ -57,12 +57,6 @@ class Ticks:
 
     def close(self):
         self._listener.close()
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def children(parent):

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import socket
 import threading
 import time
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from runtime.link.setup import LinkSetup, link_setup
 from runtime.messages.session import RosSession, session_config
 from runtime.records import Record
 from runtime.robots import load_configuration
+from sim_bridge.free_port import free_port
 
 PATIENCE_S = 30.0
 
@@ -30,12 +30,6 @@ def until(condition: Callable[[], object], act: Callable[[], object] = lambda: N
         assert time.monotonic() < deadline, "it did not come true"
         act()
         pause.wait(0.01)
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Inbox:

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A thread of zenoh's is the same thread to Python at each message."""
 
-import socket
 import threading
 from collections import Counter
 
 import pytest
 
 from runtime.messages.session import RosSession, session_config
+from sim_bridge.free_port import free_port
 
 TYPE = "std_msgs/msg/String"
 MESSAGES, ATTEMPTS = 40, 2000
@@ -38,9 +38,7 @@ class Remembering:
 
 @pytest.fixture
 def endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return f"tcp/127.0.0.1:{free_port()}"
 
 
 def test_a_thread_remembers_what_it_received_before(endpoint):
