@@ -143,18 +143,17 @@ def _prepared(config: RobotConfig) -> Prepared:
 def _all(options: argparse.Namespace) -> int:
     """Keep all processes running until this one is told to stop."""
     import signal
-    import threading
 
     from runtime.cli.session import run_session
 
     _configuration(options)
     _make_meeting_place(options)
-    told = threading.Event()
+    told: list[int] = []  # waiting for a threading.Event, this thread would hold the lock that its handler needs to set it
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: told.set())
+        signal.signal(number, lambda number, _: told.append(number))
     command = [sys.executable, "-m", "runtime.cli.main", "run", options.robot]
     command += ["--runtime-dir", str(options.runtime_dir), "--log-dir", str(options.log_dir)]
     command += ["--config", str(options.config)] if options.config is not None else []
     command += [part for assignment in options.assignments for part in ("--set", assignment)]
-    run_session([*command, "--process"], told, lambda sentence: print(f"ugv run: {sentence}", file=sys.stderr))
+    run_session([*command, "--process"], lambda: bool(told), lambda sentence: print(f"ugv run: {sentence}", file=sys.stderr))
     return 0

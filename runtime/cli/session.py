@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Sequence
 
@@ -26,12 +25,12 @@ def services(command: Sequence[str]) -> tuple[Service, ...]:
     )
 
 
-def run_session(command: Sequence[str], told: threading.Event, say: Callable[[str], None]) -> None:
+def run_session(command: Sequence[str], told: Callable[[], bool], say: Callable[[str], None]) -> None:
     """Keep the processes running until told to stop; without recorder or link the robot goes on as well as it can.
 
     Args:
         command: as of `services`.
-        told: set when they are to stop.
+        told: whether they are to stop; asked now and then.
         say: told what happens, a sentence at a time.
 
     Raises:
@@ -40,7 +39,8 @@ def run_session(command: Sequence[str], told: threading.Event, say: Callable[[st
     with Processes() as processes:
         supervisor = Supervisor(services(command), processes, say)
         try:
-            while not told.wait(LOOK_S):
+            while not told():
+                time.sleep(LOOK_S)
                 supervisor.look(time.monotonic())
                 if "control" in supervisor.given_up:
                     raise ProcessError("the process control ended too often; the others are stopped")
