@@ -148,12 +148,16 @@ def _all(options: argparse.Namespace) -> int:
 
     _configuration(options)
     _make_meeting_place(options)
-    told: list[int] = []  # waiting for a threading.Event, this thread would hold the lock that its handler needs to set it
+    told: list[
+        int
+    ] = []  # waiting for a threading.Event, this thread would hold the lock that its handler needs to set it
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, _: told.append(number))
     command = [sys.executable, "-m", "runtime.cli.main", "run", options.robot]
     command += ["--runtime-dir", str(options.runtime_dir), "--log-dir", str(options.log_dir)]
     command += ["--config", str(options.config)] if options.config is not None else []
     command += [part for assignment in options.assignments for part in ("--set", assignment)]
-    run_session([*command, "--process"], lambda: bool(told), lambda sentence: print(f"ugv run: {sentence}", file=sys.stderr))
+    run_session(
+        [*command, "--process"], lambda: bool(told), lambda sentence: print(f"ugv run: {sentence}", file=sys.stderr)
+    )
     return 0

@@ -17,14 +17,13 @@ from runtime.executors.liveness import Liveness
 from runtime.executors.loop_run import InputPort
 from runtime.executors.notify import Notifier
 from runtime.executors.realtime import EXIT_LATENCY_US, SWITCH_INTERVAL_US, WAKE_EARLY_US, RealTime
-from runtime.executors.shared_ports import EventPort, LatestPort
+from runtime.executors.remembered_stop import RememberedStop
+from runtime.executors.shared_ports import LatestPort
 from runtime.executors.tick_stream import LINK_SOCKET, OBSERVER_SOCKET, RECORDER_SOCKET, TickStream, TickStreams
 from runtime.robots import topics
 from runtime.robots.fresh_frames import FreshFrames
 from runtime.robots.robot import Robot
 
-EVENTS = (topics.OPERATOR_EVENT,)
-"""Topics of which every value counts, not only the newest."""
 STREAMS = (RECORDER_SOCKET, LINK_SOCKET, OBSERVER_SOCKET)
 """Where the ticks go; the drops of the first are told in them."""
 
@@ -63,11 +62,11 @@ def control(
         inputs: dict[str, InputPort] = {
             topics.CAN_RECEIVED: SocketReader(buses),
             topics.BUS_STATUS: BusMonitor([bus.health for bus in buses]),
+            topics.OPERATOR_EVENT: RememberedStop(directory, robot.loops, say),
         }
         for loop in robot.loops:
             for record in loop.port_inputs:
-                port = EventPort if record.topic in EVENTS else LatestPort
-                inputs.setdefault(record.topic, port(directory))
+                inputs.setdefault(record.topic, LatestPort(directory))
         executor = RealTime(
             robot.loops,
             inputs,

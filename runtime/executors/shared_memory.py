@@ -16,7 +16,9 @@ import fcntl
 import hashlib
 import mmap
 import os
+import sys
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 from runtime.errors import UgvError
@@ -37,37 +39,63 @@ class _Ring:
     def __init__(self, path: Path, record: Record, cells: int, writable: bool) -> None:
         self.path, self.cells, self._body_bytes = path, cells, record.cdr_size
         self._stride = _CELL_WORDS + -(-record.cdr_size // _WORD)
-        size = _WORD * (_HEADER_WORDS + cells * self._stride)
-        flags = os.O_RDWR | os.O_CREAT if writable else os.O_RDONLY
+        self._size = _WORD * (_HEADER_WORDS + cells * self._stride)
+        layout = f"{record.topic}\n{record.ros_definition()}\n{cells}"
+        self.layout = int.from_bytes(hashlib.sha256(layout.encode()).digest()[:_WORD], "little")
+        self._descriptor = self._claimed() if writable else _opened(path, os.O_RDONLY)
         try:
-            self._descriptor = os.open(path, flags | os.O_CLOEXEC, 0o640)
-        except OSError as error:
-            raise SharedMemoryError(f"{path}: {error.strerror}") from None
-        try:
-            self._claim(size) if writable else self._expect(size)
+            self._expect()
             access = mmap.ACCESS_WRITE if writable else mmap.ACCESS_READ
-            self._map = mmap.mmap(self._descriptor, size, access=access)
+            self._map = mmap.mmap(self._descriptor, self._size, access=access)
         except BaseException:
             os.close(self._descriptor)
             raise
         self._bytes = memoryview(self._map)
         self.words = self._bytes.cast("Q")
-        layout = f"{record.topic}\n{record.ros_definition()}\n{cells}"
-        self.layout = int.from_bytes(hashlib.sha256(layout.encode()).digest()[:_WORD], "little")
 
-    def _claim(self, size: int) -> None:
+    def _claimed(self) -> int:
+        """The file to write to: the one that is there, or one in its place if that has another layout.
+
+        Readers still have that one mapped, and must find it as long as it was.
+        """
+        descriptor = _locked(self.path)
+        found = os.pread(descriptor, _WORD, 0), os.fstat(descriptor).st_size
+        if found == (self._header, self._size):
+            return descriptor
         try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise SharedMemoryError(f"{self.path} has another writer") from None
-        if os.fstat(self._descriptor).st_size != size:
-            os.ftruncate(self._descriptor, 0)
-            os.ftruncate(self._descriptor, size)
+            return self._put_in_place()
+        finally:
+            os.close(descriptor)
 
-    def _expect(self, size: int) -> None:
+    def _put_in_place(self) -> int:
+        new = self.path.with_name(f"{self.path.name}.new")
+        new.unlink(missing_ok=True)
+        made = _locked(new)
+        try:
+            os.ftruncate(made, self._size)
+            os.pwrite(made, self._header, 0)
+            new.replace(self.path)
+        except BaseException:
+            os.close(made)
+            raise
+        return made
+
+    @property
+    def _header(self) -> bytes:
+        return self.layout.to_bytes(_WORD, sys.byteorder)
+
+    def _expect(self) -> None:
         found = os.fstat(self._descriptor).st_size
-        if found != size:
-            raise SharedMemoryError(f"{self.path} has {found} bytes where {size} belong")
+        if found != self._size:
+            raise SharedMemoryError(f"{self.path} has {found} bytes where {self._size} belong")
+
+    @property
+    def is_replaced(self) -> bool:
+        """Whether another file is there now."""
+        try:
+            return os.stat(self.path).st_ino != os.fstat(self._descriptor).st_ino
+        except FileNotFoundError:
+            return True
 
     def cell(self, number: int) -> tuple[int, memoryview]:
         """Index of the first word of a record's cell, and the place of its body; records count from 0."""
@@ -87,6 +115,24 @@ def _sum(sequence: int, body: bytes | memoryview) -> int:
     return zlib.crc32(body, sequence & 0xFFFFFFFF)
 
 
+def _opened(path: Path, flags: int) -> int:
+    try:
+        return os.open(path, flags | os.O_CLOEXEC, 0o640)
+    except OSError as error:
+        raise SharedMemoryError(f"{path}: {error.strerror}") from None
+
+
+def _locked(path: Path) -> int:
+    """A file of one writer alone, made if it is not there."""
+    descriptor = _opened(path, os.O_RDWR | os.O_CREAT)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise SharedMemoryError(f"{path} has another writer") from None
+    return descriptor
+
+
 class SharedWriter:
     """Writes records of one layout; what an earlier writer left is carried on.
 
@@ -101,12 +147,6 @@ class SharedWriter:
 
     def __init__(self, path: Path, record: Record, cells: int) -> None:
         self._ring = _Ring(path, record, cells, writable=True)
-        words = self._ring.words
-        if words[0] != self._ring.layout:
-            words[1] = 0
-            for number in range(cells):
-                words[self._ring.cell(number)[0]] = 0
-            words[0] = self._ring.layout
 
     def write(self, record: Record) -> None:
         """Add a record."""
@@ -131,7 +171,7 @@ class SharedReader:
         path, record, cells: as the writer's.
 
     Attributes:
-        lost: records that were overwritten before `next` came to them, since start.
+        lost: records that came after the reader, and were overwritten before `next` got to them.
 
     Raises:
         SharedMemoryError: if the file is not there or has another layout.
@@ -142,8 +182,13 @@ class SharedReader:
         if self._ring.words[0] != self._ring.layout:
             self._ring.close()
             raise SharedMemoryError(f"{path} holds another record than {record.topic}, or one of another layout")
-        self._taken = 0
+        self._taken = max(0, self._ring.words[1] - cells + 1)
         self.lost = 0
+
+    @property
+    def is_replaced(self) -> bool:
+        """Whether the writer has begun another file since, of another layout."""
+        return self._ring.is_replaced
 
     def latest(self, record: Record) -> bool:
         """Load the newest record; False if there is none that was not taken yet, and `record` then is as it was."""
@@ -156,12 +201,17 @@ class SharedReader:
                 return True
         return False
 
+    def pass_over(self, record: Record, is_past: Callable[[], bool]) -> None:
+        """Let `next` begin after the records, loaded into this one each, that are past."""
+        for number in range(self._taken, self._ring.words[1]):
+            if self._take(number, record) and not is_past():
+                return
+            self._taken = number + 1
+
     def next(self, record: Record) -> bool:
         """Load the oldest record that was not taken yet; False if there is none."""
         for _ in range(_RETRIES):
             written = self._ring.words[1]
-            if written < self._taken:
-                self._taken = 0
             if written == self._taken:
                 return False
             oldest = max(self._taken, written - self._ring.cells + 1)

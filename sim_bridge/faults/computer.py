@@ -7,7 +7,7 @@ link's shared files; ticks go down streams that can be full, to link and recorde
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -16,7 +16,8 @@ from drivers.memory_bus import End
 from drivers.memory_ports import MemoryReader, MemoryWriter
 from runtime.configuration import dump
 from runtime.executors.loop_run import InputPort
-from runtime.executors.shared_ports import EventPort, LatestPort
+from runtime.executors.remembered_stop import RememberedStop
+from runtime.executors.shared_ports import LatestPort
 from runtime.executors.tick_stream import TickStreams
 from runtime.link.loop import link_loop
 from runtime.link.setup import link_setup
@@ -26,6 +27,7 @@ from runtime.records import Record
 from runtime.robots import topics
 from runtime.robots.fresh_frames import FreshFrames
 from runtime.robots.uslgo1.config import Uslgo1Config
+from runtime.tasks import Loop
 from sim_bridge.faults.ahead_bus import AheadBus
 from sim_bridge.faults.virtual_clocks import VirtualClocks
 from sim_bridge.faults.virtual_link import VirtualLink
@@ -105,7 +107,7 @@ class Computer:
             for topic, type_name in TYPES.items()
         }
 
-    def control_inputs(self) -> dict[str, InputPort]:
+    def control_inputs(self, loops: Sequence[Loop]) -> dict[str, InputPort]:
         """Ports of a control process that is being started; its sockets hold nothing that came before."""
         self._bus.receive(End.HOST, self.clocks.monotonic_ns)
         return {
@@ -113,7 +115,7 @@ class Computer:
             topics.BUS_STATUS: BusMonitor(self._bus.health),
             topics.TRUTH: self._world,
             **{topic: LatestPort(self._directory) for topic in self.sources},
-            topics.OPERATOR_EVENT: EventPort(self._directory),
+            topics.OPERATOR_EVENT: RememberedStop(self._directory, loops, _refuse),
         }
 
     @property
@@ -233,3 +235,8 @@ class Computer:
                 self.link.close()
             if self._recorder is not None:
                 self._recorder.close()
+
+
+def _refuse(sentence: str) -> None:
+    """What no control in virtual time may have to say."""
+    raise AssertionError(sentence)

@@ -8,8 +8,9 @@ from functools import partial
 
 from runtime.link import topics as ros
 from runtime.link.loop import STATUS
+from runtime.robots import topics
 from runtime.robots.uslgo1.config import Uslgo1Config
-from runtime.signals import Fault
+from runtime.signals import Fault, Motion, Request
 from sim_bridge.faults import operator
 from sim_bridge.faults.computer import CONTROL, LINK, OPERATOR, RECORDER, Computer
 from sim_bridge.faults.computer_trial import ComputerRow, Inject
@@ -25,6 +26,7 @@ from sim_bridge.faults.table import (
     imu_stale,
     lease_over,
     stood,
+    ticks,
 )
 from sim_bridge.faults.wires import Wires
 from sim_bridge.ros_messages import TYPES
@@ -66,6 +68,23 @@ def control_killed(computer: Computer, wires: Wires, begin_ns: int, end_ns: int)
     """The control process is killed, and started again."""
     wires.once(begin_ns, lambda: computer.running.discard(CONTROL))
     wires.once(end_ns, lambda: computer.running.add(CONTROL))
+
+
+def stopped_and_killed(stop_ns: int, kill_ns: int) -> Inject:
+    """The operator stops the robot; control is killed, is started again, and is asked to walk.
+
+    Args:
+        stop_ns: when the stop comes, after the beginning.
+        kill_ns: when control is killed, likewise.
+    """
+
+    def inject(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+        operator.insert(wires, topics.OPERATOR_EVENT, begin_ns + stop_ns, [operator.says(Request.EMERGENCY_STOP)])
+        control_killed(computer, wires, begin_ns + kill_ns, end_ns)
+        asks = (Request.MOTION, Motion.STAND), (Request.ARM, Motion.REST), (Request.MOTION, Motion.WALK)
+        operator.insert(wires, topics.OPERATOR_EVENT, end_ns + 100 * MS, [operator.says(*ask) for ask in asks])
+
+    return inject
 
 
 def hung(*loops: str) -> Inject:
@@ -193,6 +212,23 @@ COMPUTER_ROWS = (
         fault=Fault.STOOD_STILL,
     ),
     ComputerRow("control killed", control_killed, DAMP, drives_let_go, RESTART_NS),
+    ComputerRow(
+        "emergency stop, then control killed",
+        stopped_and_killed(0, 100 * MS),
+        DAMP,
+        ticks(3),
+        RESTART_NS,
+        SECOND_NS,
+        Fault.EMERGENCY_STOP,
+    ),
+    ComputerRow(
+        "control killed, then emergency stop",
+        stopped_and_killed(500 * MS, 0),
+        DAMP,
+        drives_let_go,
+        RESTART_NS,
+        SECOND_NS,
+    ),
     ComputerRow("WBC hung", hung("wbc"), DAMP, drives_let_go, WATCHDOG_NS + RESTART_NS),
     ComputerRow("control hung", hung(*CONTROL_LOOPS), DAMP, drives_let_go, WATCHDOG_NS + RESTART_NS),
     ComputerRow("link killed", link_killed, CROUCH, crouched(imu_stale), SECOND_NS, SECOND_NS, Fault.STALE_IMU),

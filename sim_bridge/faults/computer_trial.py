@@ -151,7 +151,7 @@ class _Walk:
         start_ns = computer.clocks.monotonic_ns
         control = Lockstep(
             robot.loops,
-            computer.control_inputs(),
+            computer.control_inputs(robot.loops),
             self._outputs,
             computer,
             computer.sink,

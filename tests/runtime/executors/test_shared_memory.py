@@ -99,6 +99,7 @@ def test_a_cell_whose_numbers_do_not_agree_is_not_taken(path, read, byte):
 
 def test_a_writer_killed_while_writing_leaves_what_it_had_written(path):
     writer = SharedWriter(path, sample(), CELLS)
+    reader, seen = SharedReader(path, sample(), CELLS), sample(-1)
     for number in range(CELLS + 2):
         writer.write(sample(number))
     # the next record goes into the oldest cell, and only its beginning has got there
@@ -107,7 +108,6 @@ def test_a_writer_killed_while_writing_leaves_what_it_had_written(path):
     content[cell], content[cell + 2] = 0, 99
     content.tofile(path)
     writer.close()
-    reader, seen = SharedReader(path, sample(), CELLS), sample(-1)
     got = []
     while reader.next(seen):
         got.append(seen.number)
@@ -137,6 +137,28 @@ def test_a_file_that_is_not_there_or_holds_something_else_is_refused(path):
         SharedReader(path, Other("/sample"), CELLS)
     with pytest.raises(SharedMemoryError, match="No such file"):
         SharedWriter(path.parent / "nowhere" / "sample", sample(), CELLS)
+
+
+def test_a_reader_begins_with_what_is_there_and_misses_nothing_that_was_before_it(path):
+    writer = SharedWriter(path, sample(), CELLS)
+    for number in range(10):
+        writer.write(sample(number))
+    reader, seen, got = SharedReader(path, sample(), CELLS), sample(-1), []
+    while reader.next(seen):
+        got.append(seen.number)
+    assert (got, reader.lost) == ([7, 8, 9], 0)
+
+
+def test_the_file_that_a_reader_has_stays_whole_when_a_writer_of_another_layout_comes(path):
+    writer = SharedWriter(path, sample(), CELLS)
+    writer.write(sample(3))
+    writer.close()
+    reader, seen = SharedReader(path, sample(), CELLS), sample(-1)
+    assert not reader.is_replaced
+    SharedWriter(path, sample(), 1000 * CELLS).close()
+    assert reader.is_replaced
+    assert reader.latest(seen)
+    assert seen.number == 3
 
 
 def test_a_writer_of_another_layout_begins_anew(path):
@@ -169,14 +191,16 @@ def test_no_reader_ever_sees_half_a_record(path, read):
         assert writing.stdout is not None
         assert writing.stdout.readline() == b"ready\n"
         reader, seen, before, count = SharedReader(path, sample(), CELLS), sample(-1), -1, 0
+        first = None
         while before < 29999:
             ended = writing.poll() is not None
             if not getattr(reader, read)(seen):
                 assert not ended or before == 29999, "nothing more comes"
                 continue
             assert seen.number > before
+            first = seen.number - reader.lost if first is None else first
             assert (seen.copies == seen.number).all()
             assert seen.last == seen.number % 256
             before, count = seen.number, count + 1
     if read == "next":
-        assert count + reader.lost == 30000
+        assert first + count + reader.lost == 30000
