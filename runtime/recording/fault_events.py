@@ -95,8 +95,8 @@ def fault_events(
     for row in _losses(status["mode"]):
         fault = Fault(int(status["fault"][row]) or int(status["warning"][row]))
         losses.append(explained(fault, taking_power(fault), int(status["stamp_ns"][row])))
-    for row in _pauses(status["mode"], status["halt"]):
-        fault = Fault(int(status["halt"][row]))
+    for row, bits in _pauses(status["mode"], status["halt"]):
+        fault = Fault(bits)
         pauses.append(explained(fault, fault, int(status["stamp_ns"][row])))
     return losses, pauses
 
@@ -165,7 +165,7 @@ def _losses(mode: npt.NDArray[np.uint8]) -> list[int]:
     return [int(row) for row in np.flatnonzero(~lost[:-1] & lost[1:]) + 1]
 
 
-def _pauses(mode: npt.NDArray[np.uint8], halt: npt.NDArray[np.uint32]) -> list[int]:
-    """Rows at which a robot on its way is told to stand by a fault."""
-    begins = (halt[1:] != 0) & (halt[:-1] == 0) & (mode[1:] == Mode.ACTIVE)
-    return [int(row) for row in np.flatnonzero(begins) + 1]
+def _pauses(mode: npt.NDArray[np.uint8], halt: npt.NDArray[np.uint32]) -> list[tuple[int, int]]:
+    """Rows at which faults have a robot on its way stand, with their bits; where it stands already, the new ones."""
+    begun = np.where(mode[1:] == Mode.ACTIVE, halt[1:] & ~halt[:-1], 0)
+    return [(int(row) + 1, int(begun[row])) for row in np.flatnonzero(begun)]

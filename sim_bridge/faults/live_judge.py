@@ -24,6 +24,7 @@ from sim_bridge.faults.flaw import Flaw
 from sim_bridge.faults.live_logs import FAST, LiveLogs
 from sim_bridge.faults.live_row import LiveRow
 from sim_bridge.faults.live_session import Episode, Frames
+from sim_bridge.faults.live_table import drives_let_go
 from sim_bridge.faults.log_flaws import WHOLE_NS, missing_log
 from sim_bridge.faults.wires import FOREVER_NS
 from sim_bridge.simulation import simulation_of
@@ -31,7 +32,8 @@ from sim_bridge.simulation import simulation_of
 COMES_WITHIN_NS = 10_000_000
 """A command that drives hold is replaced by then, if any comes."""
 BEYOND_LIMITS, TOO_STRONG = "a joint passed its limits", "a torque beyond its limit was commanded"
-INEXCUSABLE = {BEYOND_LIMITS, TOO_STRONG}
+STILL_DRIVEN = "the drives never let go"
+INEXCUSABLE = {BEYOND_LIMITS, TOO_STRONG, STILL_DRIVEN}
 _POWERED = (Mode.STANDING, Mode.ACTIVE)
 
 
@@ -68,14 +70,15 @@ def judged(episode: Episode, logs: LiveLogs, config: Uslgo1Config) -> Verdict:
     took_ns = max(lasting, default=at_ns) - at_ns
     bound_ns = row.bound_ns(config)
     answer = tuple(times) or ("walk on",)
+    longest_ns = max((stall.length_ns for stall in stalls), default=0)
     flaws = [
         *_wrong_answer(row, answer, took_ns, bound_ns + stalled_ns(stalls, at_ns, at_ns + took_ns)),
         *_not_told(episode, logs),
-        *_abused(episode, logs, times, config),
+        *_abused(episode, logs, config),
+        *_still_driven(episode, times, config, longest_ns),
         *missing_log(logs, at_ns, until_ns, config.loops.wbc_period_ns, row.breaks_log, FAST not in row.holds_up),
         *_old_commands(episode, logs, config.drives.command_age_max_ns),
     ]
-    longest_ns = max((stall.length_ns for stall in stalls), default=0)
     bounds = simulation_of(config).stall_bounds()
     return Verdict(
         row.name,
@@ -173,8 +176,8 @@ def _total(values: npt.NDArray[Any]) -> int:
     return int(values.sum())
 
 
-def _abused(episode: Episode, logs: LiveLogs, times: dict[str, int], config: Uslgo1Config) -> list[Flaw]:
-    """Joints and torques beyond their limits, falls, and drives that did not let go."""
+def _abused(episode: Episode, logs: LiveLogs, config: Uslgo1Config) -> list[Flaw]:
+    """Joints and torques beyond their limits, and falls."""
     found = []
     if not episode.joints_kept:
         found.append(Flaw(BEYOND_LIMITS))
@@ -183,9 +186,14 @@ def _abused(episode: Episode, logs: LiveLogs, times: dict[str, int], config: Usl
     commands = logs.between(topics.JOINT_COMMAND_SAFE, episode.at_ns, episode.until_ns).values
     if np.abs(commands["effort"]).max(initial=0.0) > config.safety.effort_max_nm:
         found.append(Flaw(TOO_STRONG))
-    if "damp" in times and episode.released_ns is None:
-        found.append(Flaw("the drives never let go"))
     return found
+
+
+def _still_driven(episode: Episode, times: dict[str, int], config: Uslgo1Config, longest_ns: int) -> list[Flaw]:
+    """Drives that were seen not to let go for longer than it takes them by themselves, whatever stalled meanwhile."""
+    seen_ns = episode.until_ns - times.get("damp", episode.until_ns)
+    let_go = episode.released_ns is not None or seen_ns <= drives_let_go(config) + longest_ns
+    return [] if let_go else [Flaw(STILL_DRIVEN)]
 
 
 def _old_commands(episode: Episode, logs: LiveLogs, age_max_ns: int) -> list[Flaw]:

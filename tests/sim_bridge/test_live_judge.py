@@ -10,7 +10,14 @@ from runtime.recording.stalls import Stall
 from runtime.robots import load_configuration, topics
 from runtime.robots.uslgo1.assembly import assemble
 from runtime.signals import Fault, Mode
-from sim_bridge.faults.live_judge import INEXCUSABLE, judged, moved_unarmed, oldest_command_ns, while_recorded
+from sim_bridge.faults.live_judge import (
+    INEXCUSABLE,
+    STILL_DRIVEN,
+    judged,
+    moved_unarmed,
+    oldest_command_ns,
+    while_recorded,
+)
 from sim_bridge.faults.live_logs import FAST, LiveLogs
 from sim_bridge.faults.live_session import Episode, Frames
 from sim_bridge.faults.live_table import LIVE_ROWS
@@ -138,6 +145,16 @@ def test_no_stall_excuses_joints_beyond_their_limits():
     abused = judged(episode_of("emergency stop", joints_kept=False), story, CONFIG)
     assert set(abused.flaws) & INEXCUSABLE
     assert not abused.shows_nothing
+
+
+def test_no_stall_excuses_drives_that_are_seen_not_to_let_go():
+    story = lost_by(Fault.STALE_IMU)
+    story.becomes(600 * MS, Mode.DAMPED)
+    for stall_ms, excused in ((30, False), (290, True)):
+        story.stalls = [Stall("sim", AT_NS + 30 * MS, stall_ms * MS)]
+        verdict = judged(episode_of("emergency stop"), story, CONFIG)
+        assert (STILL_DRIVEN in verdict.flaws) is not excused
+        assert verdict.shows_nothing is excused
 
 
 def test_stalls_of_loops_that_the_fault_itself_holds_up_excuse_nothing():

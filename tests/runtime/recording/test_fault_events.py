@@ -120,6 +120,16 @@ def test_a_robot_that_sits_down_lost_nothing():
     assert fault_events(Log([Mode.ACTIVE] * 10 + [Mode.STANDING] * 10 + [Mode.STANDBY] * 10), BOUNDS) == ([], [])
 
 
+def test_a_fault_that_has_a_standing_robot_stand_is_asked_for_its_own_stall():
+    late = StallBound(Fault.LATE_LOOP, ("wbc",), 3 * MS, 12 * MS)
+    halts = [(slice(100, 200), Fault.LATE_LOOP), (slice(150, 250), Fault.STALE_FORCES | Fault.LATE_LOOP)]
+    _, pauses = fault_events(Log([Mode.ACTIVE] * 400, [("wbc", 98, 4, 0)], halts), [late])
+    assert [(pause.at_ns, pause.fault, pause.stall is None) for pause in pauses] == [
+        (200 * MS, Fault.LATE_LOOP, False),
+        (300 * MS, Fault.STALE_FORCES, True),
+    ]
+
+
 def test_a_robot_on_its_way_that_a_fault_has_stand_pauses():
     late = StallBound(Fault.LATE_LOOP, ("wbc",), 3 * MS, 12 * MS)
     halts = [(slice(100, 200), Fault.LATE_LOOP), (300, Fault.LATE_LOOP | Fault.NO_LEASE), (410, Fault.NO_LEASE)]
