@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from runtime.link.checks import check_finite, check_frame
-from runtime.link.clocks import Instant, StampWindow
+from runtime.link.clocks import Instant, StampWindows
 from runtime.link.event_outlet import Event
 from runtime.messages.errors import MessageError
 from runtime.messages.twist import Velocity
@@ -64,13 +64,13 @@ class VelocityUse:
 
     def __init__(self, config: LinkConfig, offer: Offer, priority: int) -> None:
         self._frames, self._offer, self._priority = config.velocity_frames, offer, priority
-        self._window = StampWindow(config.velocity_age_max_ns, config.future_max_ns)
+        self._windows = StampWindows(config.velocity_age_max_ns, config.future_max_ns)
 
     def __call__(self, velocity: Velocity, source: int, now: Instant) -> None:
         """Use a twist."""
         check_frame(velocity.frame, self._frames)
         asked = velocity.forward, velocity.lateral, velocity.yaw_rate
         check_finite(*asked)
-        stamp_ns = self._window.monotonic_ns(velocity.stamp_ns, now)
+        stamp_ns = self._windows.monotonic_ns(velocity.stamp_ns, source, now)
         event = Event(stamp_ns, source, self._priority, Request.VELOCITY, velocity=asked)
         self._offer(event, now.monotonic_ns)

@@ -247,6 +247,15 @@ def test_a_velocity_that_cannot_be_used_is_refused(changes, reason):
     assert [(event.stamp_ns, event.velocity) for event in offered] == [(NOW.monotonic_ns - 7, (0.1, 0.2, 0.3))]
 
 
+def test_velocities_of_two_senders_do_not_make_each_other_old():
+    offered = Offered()
+    use = VelocityUse(CONFIG, offered, 10)
+    for number, now in zip(range(5), instants(), strict=False):
+        use(Velocity(now.unix_ns + CONFIG.future_max_ns - number, "", 0.0, 0.0, 0.0), 1, now)
+        use(Velocity(now.unix_ns - 3_000_000, "", 0.1, 0.0, 0.0), 2, now)
+    assert [event.source for event in offered] == [1, 2] * 5
+
+
 class Topic:
     """A topic with flags, and what was used of it."""
 
