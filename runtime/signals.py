@@ -221,7 +221,7 @@ class OperatorRequest(Record):
     reset = boolean("asks to leave DAMPED, and to take the localisation at its word")
     emergency_stop = boolean("anyone asked to stop; latched until a reset with the arm withdrawn")
     held = boolean("there is a holder of the lease")
-    priority = uint8("", "of the holder")
+    priority = uint8("", "highest that the holder has shown")
     steering = uint8("", "Steering: 0 path, 1 velocity")
     holder = int64("", "the source that holds the lease")
     velocity = float64_array(3, "m/s, m/s, rad/s", "forward, lateral, yaw rate that the holder asks for")

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who may command the robot: one holder of a lease at a time, and anyone to stop it.
 
-A sender takes the lease with any request but a release or an emergency stop, if it is free or held with lower priority.
-It keeps it by signs of life, which every event is. Whoever the lease passes to finds a robot that is asked to stand,
-and must ask it to walk anew. All requests of others are refused and counted, except the emergency stop, which is
-latched until a holder resets it with the arm withdrawn.
+A sender takes the lease with any request but a release or an emergency stop, if it is free or held with lower priority:
+the highest that its holder has shown since it took it. It keeps it by signs of life, which every event is. Whoever the
+lease passes to finds a robot that is asked to stand, and must ask it to walk anew. All requests of others are refused
+and counted, except the emergency stop, which is latched until a holder resets it with the arm withdrawn.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class AuthorityMemory(Record):
     held = boolean()
     arm = boolean()
     emergency_stop = boolean()
-    priority = uint8()
+    priority = uint8("", "highest that the holder has shown")
     motion = uint8()
     steering = uint8()
     holder = int64()
@@ -120,7 +120,7 @@ def is_well_formed(event: OperatorEvent, now_ns: int, age_max_ns: int) -> bool:
 def _may_command(memory: AuthorityMemory, event: OperatorEvent) -> bool:
     """Whether the sender holds the lease, be it by this event."""
     if memory.held and event.source == memory.holder:
-        memory.priority = event.priority
+        memory.priority = max(memory.priority, event.priority)
         return True
     if (memory.held and event.priority <= memory.priority) or event.request == Request.RELEASE:
         return False

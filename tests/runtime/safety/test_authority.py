@@ -82,6 +82,27 @@ def test_a_higher_priority_takes_the_lease_and_finds_a_robot_that_is_asked_to_st
     assert rig.say(BEN, Request.MOTION, Motion.WALK, priority=11).motion == Motion.WALK
 
 
+def test_a_holder_keeps_the_highest_priority_of_its_lease_whatever_else_it_sends(rig):
+    walking(rig)
+    rig.say(ANN, Request.LIFE, priority=20)
+    request = rig.say(ANN, Request.VELOCITY, priority=10, velocity=(0.3, 0.0, 0.0))
+    assert request.priority == 20
+    request = rig.say(BEN, Request.LIFE, priority=20)
+    assert (request.holder, request.refused, request.motion) == (ANN, 1, Motion.WALK)
+    assert rig.say(BEN, Request.LIFE, priority=21).holder == BEN
+
+
+@pytest.mark.parametrize("end", [Request.RELEASE, None], ids=["released", "run out"])
+def test_a_priority_ends_with_its_lease(rig, end):
+    rig.say(ANN, Request.LIFE, priority=20)
+    if end is None:
+        rig.step(1 + CONFIG.lease_ns // (2 * MS))
+    else:
+        rig.say(ANN, end, priority=20)
+    assert rig.say(ANN, Request.LIFE, priority=10).priority == 10
+    assert rig.say(BEN, Request.LIFE, priority=11).holder == BEN
+
+
 def test_the_lease_ends_without_a_sign_of_life(rig):
     walking(rig)
     assert rig.step(CONFIG.lease_ns // (2 * MS)).held
