@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
@@ -47,6 +48,11 @@ def fault_names(bits: int) -> str:
     names = [fault.name.lower() for fault in Fault if fault and bits & fault and fault.name]
     unknown = bits & ~sum(Fault)
     return " ".join(names + ([f"{unknown:#x}"] if unknown else [])) or "none"
+
+
+def hottest(temperatures: Iterable[float]) -> float:
+    """The highest of the temperatures that are known, NaN if none is."""
+    return max(filter(math.isfinite, temperatures), default=math.nan)
 
 
 @dataclass
@@ -113,7 +119,7 @@ class Diagnosis:
         if joints is not None:
             values = {
                 "errors": " ".join(map(str, joints.error.tolist())),
-                "hottest_degc": max(joints.temperature.tolist()),
+                "hottest_degc": hottest(joints.temperature.tolist()),
             }
             yield self._counted("joints", {"rejected_frames": joints.rejected}, values, bool(joints.error.any()))
         wheels = newest(topics.WHEEL_STATE, WheelState)
@@ -140,7 +146,7 @@ class Diagnosis:
             broken += [f"{wheel} stuck" for wheel, stuck in zip(WHEELS, status.stuck.tolist(), strict=True) if stuck]
         values = {
             "faults": " ".join(map(str, wheels.fault.tolist())),
-            "hottest_degc": max(wheels.temperature.tolist()),
+            "hottest_degc": hottest(wheels.temperature.tolist()),
         }
         counts = {name: int(getattr(wheels, name)) for name in ("rejected", "corrupt", "stalled")}
         return self._counted("wheels", counts, values, bool(broken), ", ".join(broken))

@@ -114,7 +114,9 @@ def test_wheels_that_are_stuck_or_whose_motors_fail_are_named():
         monitor.take(b"".join(ENTRY.pack(number, len(body)) + body for number, body in entries), 0)
         return part(diagnosis, "wheels")
 
+    wheels.temperature = [math.nan, 62.0] * 2
     assert (told(0).level, told(1).message) == (Level.OK, "")
+    assert told(1).values["hottest_degc"] == 62.0
     status.stuck[1] = True
     assert (told(2).level, told(3).message) == (Level.ERROR, "front_right stuck")
     wheels.fault[[2, 7]] = 5, 3
@@ -182,6 +184,17 @@ def test_a_counter_warns_once_after_it_has_grown(monitor, diagnosis):
     monitor.take(datagram(1, joints, dropped=4), 0)
     assert part(diagnosis, "joints").message == "more: rejected_frames"
     assert part(diagnosis, "loop wbc").values["recorder_drops"] == 4
+
+
+@pytest.mark.parametrize(
+    ("temperatures", "told"),
+    [((math.nan, 91.0), 91.0), ((91.0, math.nan), 91.0), ((40.0, 91.0), 91.0), ((math.nan, math.nan), math.nan)],
+)
+def test_a_drive_that_has_not_replied_hides_no_hot_motor(monitor, diagnosis, temperatures, told):
+    joints = JOINTS.like()
+    joints.temperature = temperatures
+    monitor.take(datagram(0, joints), 0)
+    assert part(diagnosis, "joints").values["hottest_degc"] == pytest.approx(told, nan_ok=True)
 
 
 def test_rejections_are_told_by_topic_and_reason(monitor):
