@@ -2,8 +2,11 @@
 """Who sent a message: the session behind a publisher, so that all that one operator sends has one source.
 
 ROS 2 gives every publisher an id of its own (gid) and does not say whose it is. Tokens say which sessions publish on a
-topic. A gid is that of the session that alone can have it: the only one on the topic that has no gid yet. Until that is
-clear the gid stands for itself, whose first half our own sessions share among their publishers.
+topic. The gid of rmw_zenoh (of Humble, of Jazzy and later), and of our own sessions, is the hash of the publisher's
+token, and so found. Of other clients a gid is that of the session that alone can have it: the only one on the topic
+that has none yet, neither of this kind nor of that. Until that is clear it stands for itself.
+
+A gid is a name and no proof: whoever may publish on a topic may write another's. Access control says who may publish.
 """
 
 from __future__ import annotations
@@ -11,8 +14,9 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections import Counter
+from typing import NamedTuple
 
-from runtime.messages.keys import publisher_of
+from runtime.messages.keys import gid_of, publisher_of
 
 MOST_TOKENS, MOST_GIDS = 4096, 256
 
@@ -21,6 +25,13 @@ def number_of(name: str) -> int:
     """A session's or a topic's name as a source."""
     digest = hashlib.blake2b(name.encode(), digest_size=8).digest()
     return int.from_bytes(digest, "little") & (1 << 63) - 1
+
+
+class _Publisher(NamedTuple):
+    """A publisher that a token has made known."""
+
+    session: str
+    topic: str
 
 
 class SenderBook:
@@ -33,7 +44,8 @@ class SenderBook:
     def __init__(self) -> None:
         self.overlooked = 0
         self._sessions: dict[str, Counter[str]] = {}
-        self._tokens: set[str] = set()
+        self._publishers: dict[bytes, _Publisher] = {}
+        self._hashing: set[str] = set()
         self._session_of: dict[tuple[str, bytes], str] = {}
         self._lock = threading.Lock()
 
@@ -42,19 +54,19 @@ class SenderBook:
         place = publisher_of(token)
         if place is None:
             return
-        session, topic = place
+        gid, publisher = gid_of(token), _Publisher(*place)
         with self._lock:
-            if alive and token not in self._tokens:
-                if len(self._tokens) >= MOST_TOKENS:
+            if alive and gid not in self._publishers:
+                if len(self._publishers) >= MOST_TOKENS:
                     self.overlooked += 1
                     return
-                self._tokens.add(token)
-                self._sessions.setdefault(topic, Counter())[session] += 1
-            elif not alive and token in self._tokens:
-                self._tokens.remove(token)
-                self._forget(topic, session)
+                self._publishers[gid] = publisher
+                self._sessions.setdefault(publisher.topic, Counter())[publisher.session] += 1
+                self._session_of.pop((publisher.topic, gid), None)
+            elif not alive and gid in self._publishers:
+                self._forget(*self._publishers.pop(gid))
 
-    def _forget(self, topic: str, session: str) -> None:
+    def _forget(self, session: str, topic: str) -> None:
         sessions = self._sessions[topic]
         sessions[session] -= 1
         if sessions[session]:
@@ -62,6 +74,8 @@ class SenderBook:
         del sessions[session]
         if not sessions:
             del self._sessions[topic]
+        if not any(session in others for others in self._sessions.values()):
+            self._hashing.discard(session)
         for key in [key for key, owner in self._session_of.items() if key[0] == topic and owner == session]:
             del self._session_of[key]
 
@@ -74,9 +88,13 @@ class SenderBook:
             alone: what to call the publisher while its session is not known.
         """
         with self._lock:
+            publisher = self._publishers.get(gid)
+            if publisher is not None and publisher.topic == topic:
+                self._hashing.add(publisher.session)
+                return number_of(publisher.session)
             session = self._session_of.get((topic, gid))
             if session is None:
-                owned = {owner for (where, _), owner in self._session_of.items() if where == topic}
+                owned = {owner for (where, _), owner in self._session_of.items() if where == topic} | self._hashing
                 free = [session for session in self._sessions.get(topic, ()) if session not in owned]
                 if len(free) != 1 or len(self._session_of) >= MOST_GIDS:
                     return alone

@@ -2,13 +2,15 @@
 """Names in zenoh of what ROS 2 calls topics and nodes, as rmw_zenoh forms them.
 
 A topic's data travel under `<domain>/<topic>/<type>/<hash>`. Nodes and their publishers and subscriptions are made
-known by liveliness tokens.
+known by liveliness tokens, and a publisher's messages carry the hash of its token.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
+
+import xxhash
 
 from runtime.messages import definitions
 
@@ -52,6 +54,11 @@ def publisher_of(token: str) -> tuple[str, str] | None:
     if len(parts) != 13 or parts[0] != "@ros2_lv" or parts[5] != "MP":
         return None
     return parts[2], parts[9].replace("%", "/")
+
+
+def gid_of(token: str) -> bytes:
+    """The id of the publisher (or of anything else) that a token makes known, as rmw_zenoh forms it, 16 bytes."""
+    return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(16, "little")
 
 
 @dataclass(frozen=True)

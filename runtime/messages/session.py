@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 import time
@@ -17,7 +16,7 @@ import zenoh
 import zenoh.ext
 
 from runtime.errors import UgvError
-from runtime.messages.attachment import GID_BYTES, Attachment
+from runtime.messages.attachment import Attachment
 from runtime.messages.foreign_thread import keep_thread_state
 from runtime.messages.keys import (
     DEFAULT_QUALITY,
@@ -25,6 +24,7 @@ from runtime.messages.keys import (
     Node,
     TypeHashes,
     data_key,
+    gid_of,
     publisher_tokens,
 )
 
@@ -176,7 +176,7 @@ class RosSession:
         else:
             publisher = self._session.declare_publisher(key, congestion_control=drop)
         self._held.append(publisher)
-        return RosPublisher(publisher, gid_of(self._node.session, token))
+        return RosPublisher(publisher, gid_of(token))
 
     def subscribe(self, topic: str, type_name: str, receiver: Receiver, quality: str = DEFAULT_QUALITY) -> None:
         """Hand every message of a topic to a receiver, in the thread that read it from the network."""
@@ -226,12 +226,6 @@ class RosSession:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def gid_of(session: str, token: str) -> bytes:
-    """Of a publisher: the first half is the same for all of a session, so that a sender is known by it."""
-    half = GID_BYTES // 2
-    return b"".join(hashlib.blake2b(text.encode(), digest_size=half).digest() for text in (session, token))
 
 
 def _reason(error: Exception) -> str:

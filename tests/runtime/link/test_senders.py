@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from runtime.link.senders import MOST_TOKENS, SenderBook, number_of
 from runtime.messages import definitions
-from runtime.messages.keys import Node
+from runtime.messages.keys import Node, gid_of
 
 ARM, MOTION = "/operator/arm", "/operator/motion"
 ALONE = 12345
@@ -59,6 +59,49 @@ def test_a_session_that_ended_is_forgotten():
     assert book.source(ARM, gid(1), ALONE) == ALONE
     book.note(token("b", ARM), True)
     assert book.source(ARM, gid(2), ALONE) == number_of("b")
+
+
+def test_panels_that_were_there_before_either_spoke_are_told_apart_by_the_hashes_of_their_tokens():
+    book = SenderBook()
+    tokens = {(panel, topic): token(panel, topic) for panel in "ab" for topic in (ARM, MOTION)}
+    for one in tokens.values():
+        book.note(one, True)
+    found = {(panel, topic): book.source(topic, gid_of(one), ALONE) for (panel, topic), one in tokens.items()}
+    assert found == {(panel, topic): number_of(panel) for panel, topic in tokens}
+
+
+def test_what_a_session_that_hashes_its_tokens_did_not_send_is_never_taken_for_its_own():
+    book = SenderBook()
+    for topic in (ARM, MOTION):
+        book.note(token("a", topic), True)
+    assert book.source(ARM, gid_of(token("a", ARM)), ALONE) == number_of("a")
+    assert book.source(MOTION, gid(1), ALONE) == ALONE, "it is known from another topic"
+    book.note(token("b", MOTION), True)
+    assert book.source(MOTION, gid(1), ALONE) == number_of("b")
+    assert book.source(MOTION, gid_of(token("a", MOTION)), ALONE) == number_of("a")
+
+
+def test_the_hash_of_a_token_holds_for_its_topic_alone():
+    book = SenderBook()
+    book.note(token("a", ARM), True)
+    assert book.source(MOTION, gid_of(token("a", ARM)), ALONE) == ALONE
+
+
+def test_a_guess_is_taken_back_when_the_token_comes():
+    book = SenderBook()
+    book.note(token("b", ARM), True)
+    assert book.source(ARM, gid_of(token("a", ARM)), ALONE) == number_of("b"), "nobody else was there"
+    book.note(token("a", ARM), True)
+    assert book.source(ARM, gid_of(token("a", ARM)), ALONE) == number_of("a")
+    assert book.source(ARM, gid(1), ALONE) == number_of("b")
+
+
+def test_a_token_that_ended_gives_its_hash_no_session():
+    book = SenderBook()
+    book.note(token("a", ARM), True)
+    book.source(ARM, gid_of(token("a", ARM)), ALONE)
+    book.note(token("a", ARM), False)
+    assert book.source(ARM, gid_of(token("a", ARM)), ALONE) == ALONE
 
 
 @given(st.lists(st.tuples(st.text(max_size=40), st.booleans()), max_size=50))

@@ -17,6 +17,7 @@ from runtime.messages.keys import (
     TRANSIENT_LOCAL_QUALITY,
     Node,
     data_key,
+    gid_of,
     publisher_of,
     publisher_tokens,
 )
@@ -58,6 +59,12 @@ def test_a_publisher_is_known_by_its_token():
     assert publisher_of(NODE.endpoint_token(5, "MS", "/imu/data", definitions.IMU)) is None
     assert publisher_of(NODE.token()) is None
     assert publisher_tokens(3) == "@ros2_lv/3/*/*/*/MP/**"
+
+
+def test_a_publisher_s_id_is_the_hash_of_its_token():
+    """XXH3_128bits() of the C library, low word before high word as Entity::Entity() of rmw_zenoh copies them."""
+    token = NODE.endpoint_token(5, "MP", "/imu/data", definitions.IMU)
+    assert gid_of(token).hex() == "cf570b66f672ffe23d4ea68d0135d886"
 
 
 @given(st.text(max_size=200))
