@@ -236,6 +236,7 @@ class Path(Record):
 
     on_change = True
     stamp_ns = int64("ns")
+    source = int64("", "who sent it")
     count = uint32()
     closed = boolean("the last waypoint leads on to the first")
     speed = float64("m/s", "commanded speed along the path")

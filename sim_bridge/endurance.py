@@ -127,7 +127,7 @@ class EnduringOperator:
             return False
         self._next_path_ns = now_ns + 4 * PERIOD_NS
         record.clear()
-        record.stamp_ns, record.speed = now_ns, self._scenario.speed_mps
+        record.stamp_ns, record.source, record.speed = now_ns, SOURCE, self._scenario.speed_mps
         if self._aim is Aim.WALK:
             waypoints = self._scenario.waypoints
             record.count, record.closed = len(waypoints), self._scenario.closed

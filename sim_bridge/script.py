@@ -84,7 +84,7 @@ class ScriptedPath:
         self._given = True
         scenario = self._scenario
         count = len(scenario.waypoints)
-        record.stamp_ns, record.count = now_ns, count
+        record.stamp_ns, record.source, record.count = now_ns, SOURCE, count
         record.closed, record.speed = scenario.closed, scenario.speed_mps
         record.x[:count], record.y[:count] = zip(*scenario.waypoints, strict=True)
         return True

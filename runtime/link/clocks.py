@@ -4,12 +4,9 @@
 from __future__ import annotations
 
 import time
-from collections import OrderedDict
 from typing import NamedTuple
 
 from runtime.messages.errors import MessageError
-
-MOST_SOURCES = 32
 
 
 class Instant(NamedTuple):
@@ -59,27 +56,3 @@ class StampWindow:
             raise MessageError("the stamp is not newer than the one before")
         self._last = found
         return found.monotonic_ns
-
-
-class StampWindows:
-    """A window of each source, since two senders differ in their clocks and in their delays.
-
-    Of many sources the one that was not heard for longest is forgotten: its next stamp may then be as old as any first.
-
-    Args:
-        age_max_ns: as of `StampWindow`.
-        future_max_ns: as of `StampWindow`.
-    """
-
-    def __init__(self, age_max_ns: int, future_max_ns: int) -> None:
-        self._bounds = age_max_ns, future_max_ns
-        self._windows: OrderedDict[int, StampWindow] = OrderedDict()
-
-    def monotonic_ns(self, stamp_ns: int, source: int, now: Instant) -> int:
-        """A source's stamp in monotonic time; arguments and errors as of `StampWindow`."""
-        if source not in self._windows:
-            self._windows[source] = StampWindow(*self._bounds)
-            if len(self._windows) > MOST_SOURCES:
-                self._windows.popitem(last=False)
-        self._windows.move_to_end(source)
-        return self._windows[source].monotonic_ns(stamp_ns, now)

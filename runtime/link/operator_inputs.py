@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from runtime.link.checks import check_finite, check_frame
-from runtime.link.clocks import Instant, StampWindows
+from runtime.link.clocks import Instant, StampWindow
 from runtime.link.event_outlet import Event
+from runtime.link.per_source import PerSource
 from runtime.messages.errors import MessageError
 from runtime.messages.twist import Velocity
 from runtime.robots.link_config import LinkConfig
@@ -56,6 +58,9 @@ class RequestUse:
 class VelocityUse:
     """Turns twists of one topic into requests; only forward, lateral and yaw velocity can be asked for.
 
+    Stamps are put in order sender by sender, since two differ in their clocks and in their delays. One that was
+    forgotten, being one of many, may begin anew with any stamp that is not too old.
+
     Args:
         config: frames and age.
         offer: takes a request, and the present.
@@ -64,13 +69,13 @@ class VelocityUse:
 
     def __init__(self, config: LinkConfig, offer: Offer, priority: int) -> None:
         self._frames, self._offer, self._priority = config.velocity_frames, offer, priority
-        self._windows = StampWindows(config.velocity_age_max_ns, config.future_max_ns)
+        self._windows = PerSource(partial(StampWindow, config.velocity_age_max_ns, config.future_max_ns))
 
     def __call__(self, velocity: Velocity, source: int, now: Instant) -> None:
         """Use a twist."""
         check_frame(velocity.frame, self._frames)
         asked = velocity.forward, velocity.lateral, velocity.yaw_rate
         check_finite(*asked)
-        stamp_ns = self._windows.monotonic_ns(velocity.stamp_ns, source, now)
+        stamp_ns = self._windows.of(source).monotonic_ns(velocity.stamp_ns, now)
         event = Event(stamp_ns, source, self._priority, Request.VELOCITY, velocity=asked)
         self._offer(event, now.monotonic_ns)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.link.clocks import MOST_SOURCES, Instant, StampWindow, StampWindows, instant
+from runtime.link.clocks import Instant, StampWindow, instant
 from runtime.messages.errors import MessageError
 
 UNIX = 1_700_000_000_000_000_000
@@ -53,26 +53,6 @@ def test_a_step_of_the_clock_costs_only_what_was_on_its_way(step_ns):
     with pytest.raises(MessageError):
         window.monotonic_ns(UNIX + 1_000_000, after)
     assert window.monotonic_ns(after.unix_ns - 100_000, after) == after.monotonic_ns - 100_000
-
-
-def test_order_is_judged_among_the_stamps_of_one_source():
-    windows = StampWindows(AGE_MAX, FUTURE_MAX)
-    windows.monotonic_ns(UNIX + FUTURE_MAX, 1, NOW)
-    assert windows.monotonic_ns(UNIX - 5_000_000, 2, later(1)) == NOW.monotonic_ns - 5_000_000
-    for source, stamp_ns in ((1, UNIX + FUTURE_MAX), (2, UNIX - 5_000_000)):
-        with pytest.raises(MessageError, match="not newer"):
-            windows.monotonic_ns(stamp_ns, source, later(2))
-
-
-def test_of_more_sources_than_are_kept_the_one_not_heard_for_longest_is_forgotten():
-    windows = StampWindows(AGE_MAX, FUTURE_MAX)
-    for source in range(MOST_SOURCES):
-        windows.monotonic_ns(UNIX, source, NOW)
-    windows.monotonic_ns(UNIX + 1, 0, later(1))
-    windows.monotonic_ns(UNIX, MOST_SOURCES, NOW)
-    with pytest.raises(MessageError, match="not newer"):
-        windows.monotonic_ns(UNIX + 1, 0, later(2))
-    assert windows.monotonic_ns(UNIX, 1, NOW) == NOW.monotonic_ns
 
 
 def test_times_go_back_to_unix():

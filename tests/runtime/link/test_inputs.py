@@ -205,6 +205,25 @@ def test_a_speed_holds_for_the_paths_after_it(written):
             use.set_speed(speed, 1, NOW)
 
 
+def test_a_speed_holds_for_the_paths_of_its_sender_alone(written):
+    use, points = path_use(written), [(0.0, 0.0), (1.0, 0.0)]
+    use.set_speed(0.2, 1, NOW)
+    use(Waypoints(0, "odom", points), 2, NOW)
+    use(Waypoints(0, "odom", points), 1, NOW)
+    assert [(path.source, path.speed) for path in written.records] == [(2, CONFIG.path_speed_mps), (1, 0.2)]
+
+
+def test_paths_of_two_senders_do_not_make_each_other_old(written):
+    use = path_use(written)
+    for stamp_ns, source, points in (
+        (NOW.unix_ns, 1, [(0.0, 0.0), (1.0, 0.0)]),
+        (NOW.unix_ns - 3_000_000, 2, [(0.0, 0.0), (2.0, 0.0)]),
+        (NOW.unix_ns - 4_000_000, 3, []),
+    ):
+        use(Waypoints(stamp_ns, "odom", points), source, NOW)
+    assert [(path.source, path.count) for path in written.records] == [(1, 2), (2, 2), (3, 0)]
+
+
 class Offered(list):
     """Requests that were offered."""
 
