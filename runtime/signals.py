@@ -296,6 +296,7 @@ class BodyCommand(Record):
     remaining = float64("m", "arc length to the goal")
     arrived = boolean("the goal has been reached")
     rejected_paths = uint32("", "paths rejected since start")
+    foreign_paths = uint32("", "those of them that were not of the lease's holder")
 
 
 class Posture(Record):

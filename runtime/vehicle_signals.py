@@ -134,6 +134,7 @@ class TwistCommand(Record):
     remaining = float64("m", "arc length to the goal")
     arrived = boolean("the goal has been reached")
     rejected_paths = uint32("", "paths rejected since start")
+    foreign_paths = uint32("", "those of them that were not of the lease's holder")
     grip = float64("", "share of the accelerations that is counted on; below 1 the vehicle slides, or has slid")
     residual = float64("", "of the last solve, where the controller solves something")
     failures = uint32("", "solves that failed since start; the last good command was held")

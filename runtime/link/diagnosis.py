@@ -135,6 +135,10 @@ class Diagnosis:
         forces, command = newest(topics.CONTACT_FORCES, ContactForces), newest(topics.JOINT_COMMAND, JointCommand)
         if forces is not None and command is not None:
             yield self._counted("solvers", {"mpc_failures": forces.failures, "wbc_failures": command.qp_failures}, {})
+        tracker: Any = newest(topics.BODY_COMMAND, Record)
+        if tracker is not None:
+            counts = {"rejected_paths": tracker.rejected_paths, "foreign_paths": tracker.foreign_paths}
+            yield self._counted("tracker", counts, {})
         event = newest(topics.OPERATOR_EVENT, OperatorEvent)
         if event is not None:
             yield self._counted("operator", {"lost_events": int(event.lost)}, {})

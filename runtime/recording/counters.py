@@ -65,6 +65,12 @@ COUNTERS = (
     ),
     Counter(run_data.BODY_COMMAND, "rejected_paths", "path was rejected", "paths were rejected"),
     Counter(
+        run_data.BODY_COMMAND,
+        "foreign_paths",
+        "path was rejected since another than its sender held the lease",
+        "paths were rejected since another than their sender held the lease",
+    ),
+    Counter(
         run_data.GAIT,
         "late_contacts",
         "swing met the ground later than scheduled, and was stretched downwards",

@@ -135,7 +135,7 @@ def load_run(run: Path) -> RunData:
     try:
         _find_path(data)
         if data.path is not None and data.pose_topic is not None:
-            laps_ns = _taken_up_again(data.signals[PATH])
+            laps_ns = _taken_up_again(_taken(data))
             data.against_path = _against(data.path, data.signals[data.pose_topic], laps_ns)
     except (ValueError, IndexError, TypeError) as error:
         raise LogError(f"{log.path}: path or pose are not laid out as this code knows them: {error}") from error
@@ -183,8 +183,7 @@ def _find_path(data: RunData) -> None:
     """The last path that has a beginning and an end, and that the robot did not refuse."""
     if PATH not in data.signals:
         return
-    paths = data.signals[PATH]
-    for row in paths.values[~_refused(paths, data.signals.get(BODY_COMMAND))][::-1]:
+    for row in _taken(data).values[::-1]:
         count, closed = int(row["count"]), bool(row["closed"])
         points = np.column_stack((row["x"][:count], row["y"][:count]))
         if count < 2:
@@ -195,6 +194,13 @@ def _find_path(data: RunData) -> None:
             continue
         data.path_points = np.vstack((points, points[:1])) if closed else points
         return
+
+
+def _taken(data: RunData) -> Signal:
+    """The paths and withdrawals that the robot did not refuse."""
+    paths = data.signals[PATH]
+    taken = ~_refused(paths, data.signals.get(BODY_COMMAND))
+    return Signal(paths.log_ns[taken], paths.values[taken])
 
 
 def _refused(paths: Signal, commands: Signal | None) -> npt.NDArray[np.bool_]:

@@ -71,7 +71,7 @@ class DriveTracker(Task):
     def step(self, now_ns: int) -> None:
         """One command; see `Task`."""
         memory, command = self.state, self._command
-        if self._followed.take(self._path):
+        if self._followed.take(self._path, self._request):
             memory.arrived, memory.progress = False, 0.0
             self._tracker.begin()
         body = self._body
@@ -79,7 +79,8 @@ class DriveTracker(Task):
         memory.lost = self._lost(now_ns)
         command.clear()
         command.grip = 1.0 - memory.lost
-        command.stamp_ns, command.rejected_paths = now_ns, memory.rejected_paths
+        command.stamp_ns = now_ns
+        command.rejected_paths, command.foreign_paths = memory.rejected_paths, memory.foreign_paths
         if pose is None:
             self._move(REST, now_ns)
         elif self._request.steering == Steering.VELOCITY:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from runtime.records import Record, boolean, float64, float64_array, uint32
-from runtime.signals import Path
+from runtime.signals import OperatorRequest, Path
 from runtime.tracking.errors import PathError
 from runtime.tracking.inputs import waypoints_of
 
@@ -24,6 +24,7 @@ class FollowedPathMemory(Record):
 
     seen_path = uint32("", "checksum of the last path message, good or bad")
     rejected_paths = uint32()
+    foreign_paths = uint32("", "those of them that were not of the lease's holder")
     count = uint32("", "waypoints of the path that is followed, 0 none")
     closed = boolean()
     path_speed = float64("m/s", "commanded")
@@ -35,6 +36,8 @@ class FollowedPath(Generic[Line]):
     """Takes up paths; one whose contents cannot be followed is counted, and the one before is kept.
 
     A path without waypoints withdraws the one that is followed. The same waypoints sent again only change the speed.
+    While somebody holds the lease, paths and withdrawals of others are counted and refused for good: who takes the
+    lease later sends its path anew. While nobody holds it, anyone may send one.
 
     Args:
         memory: where the path is held.
@@ -49,12 +52,21 @@ class FollowedPath(Generic[Line]):
         self.line: Line | None = None
         self._held = self._contents()
 
-    def take(self, path: Path) -> bool:
-        """Take up the path signal where its bytes changed; true if another path is followed now, or none any more."""
+    def take(self, path: Path, request: OperatorRequest) -> bool:
+        """Take up the path signal where its bytes changed; true if another path is followed now, or none any more.
+
+        Args:
+            path: the signal.
+            request: tells who holds the lease.
+        """
         memory, checksum = self._memory, zlib.crc32(path.to_bytes())
         if checksum == memory.seen_path:
             return False
         memory.seen_path = checksum
+        if is_foreign(path, request):
+            memory.rejected_paths += 1
+            memory.foreign_paths += 1
+            return False
         if path.count == 0:
             memory.count, self.line = 0, None
             return True
@@ -91,3 +103,8 @@ class FollowedPath(Generic[Line]):
         """All that the polyline is a function of."""
         memory, count = self._memory, self._memory.count
         return count, bool(memory.closed), memory.x[:count].tobytes(), memory.y[:count].tobytes()
+
+
+def is_foreign(path: Path, request: OperatorRequest) -> bool:
+    """Whether a path is of another than the lease's holder; one that was never sent is nobody's."""
+    return bool(path.stamp_ns and request.held and path.source != request.holder)

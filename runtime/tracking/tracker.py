@@ -27,9 +27,10 @@ from runtime.tracking.velocity import REST, PlanarVelocity, approached, wanted_v
 class PathTracker(Task):
     """Fuzzy pure pursuit with speed regulation (paper 000, section 3), stepped at 25 Hz.
 
-    A path whose contents cannot be followed is counted and the one before is kept; a path without waypoints withdraws
-    it. A path is run from its start, to its goal, once: the same waypoints sent again only change the speed, and are
-    run again only after a withdrawal. While the body state is not finite the command is zero.
+    A path whose contents cannot be followed, or that is not of the lease's holder, is counted and the one before is
+    kept; a path without waypoints withdraws it. A path is run from its start, to its goal, once: the same waypoints
+    sent again only change the speed, and are run again only after a withdrawal. While the body state is not finite the
+    command is zero.
 
     It slows to a stand, and goes on from there, when safety asks for it, when a walking robot is asked to stand, or
     when there is no path any more. An operator that steers by velocity has that followed and the path wait.
@@ -67,7 +68,7 @@ class PathTracker(Task):
     def step(self, now_ns: int) -> None:
         """Track the path from the present body state."""
         state, command = self._state, self._command
-        if self._followed.take(self._path):
+        if self._followed.take(self._path, self._request):
             state.arrived = state.turning = False
             state.progress = -1.0 if state.count else 0.0
         dt = (now_ns - state.stamp_ns) * 1e-9 if state.stamp_ns else 0.0
@@ -77,7 +78,7 @@ class PathTracker(Task):
         pose = planar_pose(body.position, body.orientation, *relied_on)
         command.clear()
         command.stamp_ns = now_ns
-        command.rejected_paths = state.rejected_paths
+        command.rejected_paths, command.foreign_paths = state.rejected_paths, state.foreign_paths
         if pose is None:
             self._halt()
         elif self._request.steering == Steering.VELOCITY:

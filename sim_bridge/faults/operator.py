@@ -75,6 +75,18 @@ def bad_path(wires: Wires, begin_ns: int, end_ns: int) -> None:
     insert(wires, topics.PATH, begin_ns, [act])
 
 
+def path_withdrawn_by(source: int) -> Inject:
+    """Somebody takes back the path."""
+
+    def inject(wires: Wires, begin_ns: int, end_ns: int) -> None:
+        def act(path: Path) -> None:
+            path.source, path.count = source, 0
+
+        insert(wires, topics.PATH, begin_ns, [act])
+
+    return inject
+
+
 def asks_for(forward: float, lateral: float, yaw_rate: float) -> Any:
     """Something that fills an event by which the operator steers, m/s and rad/s."""
 

@@ -10,7 +10,7 @@ from runtime.robots.uslgo1.config import NS_PER_SECOND, Uslgo1Config
 from runtime.signals import Fault, Motion, Request
 from sim_bridge.courses import scenario
 from sim_bridge.faults import buses, operator, robot, sensors
-from sim_bridge.faults.operator import asks_for, interrupted, operator_says, says
+from sim_bridge.faults.operator import asks_for, interrupted, operator_says, path_withdrawn_by, says
 from sim_bridge.faults.robot import late
 from sim_bridge.faults.sensors import silent
 from sim_bridge.faults.trial import Row
@@ -123,7 +123,8 @@ COASTED, REJECTED = (topics.SAFETY, "coasted"), (topics.JOINT_STATE, "rejected")
 IMU_REJECTED = (topics.BODY_STATE, "imu_rejected")
 POSE_REJECTED = (topics.BODY_STATE, "localization_rejected")
 REFUSED, MALFORMED = (topics.OPERATOR, "refused"), (topics.OPERATOR, "malformed")
-PATH_REJECTED, SKIPPED = (topics.BODY_COMMAND, "rejected_paths"), (topics.TIMING, "skipped")
+PATH_REJECTED, PATH_FOREIGN = (topics.BODY_COMMAND, "rejected_paths"), (topics.BODY_COMMAND, "foreign_paths")
+SKIPPED = (topics.TIMING, "skipped")
 SPIKING, BACKWARDS = Fault.STALE_IMU | Fault.IMPLAUSIBLE_IMU, Fault.STALE_IMU | Fault.IMU_TIME
 TAKES_OVER = says(Request.LIFE, source=BOSS, priority=200)
 FOREIGN = [says(request, Motion.SIT, OTHER, 1) for request in Request if request != Request.EMERGENCY_STOP]
@@ -241,4 +242,5 @@ ROWS = (
     Row("events of others", interrupted(*FOREIGN), WALK_ON, at_once, 100 * MS, counted=REFUSED),
     Row("malformed events", interrupted(*NONSENSE), WALK_ON, at_once, 100 * MS, counted=MALFORMED),
     Row("malformed path", operator.bad_path, WALK_ON, at_once, 100 * MS, counted=PATH_REJECTED),
+    Row("path withdrawn by another", path_withdrawn_by(OTHER), WALK_ON, at_once, 100 * MS, counted=PATH_FOREIGN),
 )

@@ -16,7 +16,18 @@ from runtime.link.tally import Tally
 from runtime.messages.diagnostics import Level
 from runtime.recording.recorder_status import RecorderStatus
 from runtime.robots import topics
-from runtime.signals import Battery, BusState, BusStatus, Fault, Imu, JointState, Mode, OperatorEvent, SafetyStatus
+from runtime.signals import (
+    Battery,
+    BodyCommand,
+    BusState,
+    BusStatus,
+    Fault,
+    Imu,
+    JointState,
+    Mode,
+    OperatorEvent,
+    SafetyStatus,
+)
 from runtime.tasks import Loop
 from runtime.vehicle_signals import WheelState, WheelStatus
 
@@ -25,7 +36,8 @@ WHEEL_SIZES = {"wheel": 4, "axle_drive": 8, "unit_frame": 5}
 IMU, SAFETY = Imu(topics.IMU), SafetyStatus(topics.SAFETY)
 JOINTS, BUSES = JointState(topics.JOINT_STATE, SIZES), BusStatus(topics.BUS_STATUS, SIZES)
 EVENT, BATTERY = OperatorEvent(topics.OPERATOR_EVENT), Battery(topics.BATTERY)
-LOOP = Loop("wbc", 2_000_000, 1_000_000, 80, (IMU, SAFETY, JOINTS, BUSES, EVENT, BATTERY), (), (), ())
+COMMAND = BodyCommand(topics.BODY_COMMAND)
+LOOP = Loop("wbc", 2_000_000, 1_000_000, 80, (IMU, SAFETY, JOINTS, BUSES, EVENT, BATTERY, COMMAND), (), (), ())
 MANIFEST = manifest_of((LOOP,))
 SILENT_NS, BATTERY_AGE_MAX_NS = 500_000_000, 5_000_000_000
 
@@ -171,6 +183,15 @@ def test_events_that_control_has_lost_are_a_warning(monitor, diagnosis):
     monitor.take(datagram(0, event), 0)
     told = part(diagnosis, "operator")
     assert (told.level, told.values["lost_events"]) == (Level.WARN, 2)
+
+
+def test_paths_of_others_than_the_lease_s_holder_are_a_warning(monitor, diagnosis):
+    command = COMMAND.like()
+    command.rejected_paths, command.foreign_paths = 3, 2
+    monitor.take(datagram(0, command), 0)
+    told = part(diagnosis, "tracker")
+    assert (told.level, told.message) == (Level.WARN, "more: rejected_paths, more: foreign_paths")
+    assert (told.values["rejected_paths"], told.values["foreign_paths"]) == (3, 2)
 
 
 def test_a_counter_warns_once_after_it_has_grown(monitor, diagnosis):

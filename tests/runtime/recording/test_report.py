@@ -83,6 +83,16 @@ class Laps(Walk):
             self.path.count = 0
 
 
+class NoLaps(Walk):
+    """Walks a line, and refuses to have it withdrawn for a moment."""
+
+    def step(self, now_ns: int) -> None:
+        super().step(now_ns)
+        self.command.rejected_paths = int(now_ns > 0.9e9)
+        if 0.9e9 < now_ns < 1.0e9:
+            self.path.count = 0
+
+
 class EarlierCommand(Record):
     """A command as a version wrote it that did not count refused paths."""
 
@@ -217,6 +227,12 @@ def test_each_lap_is_judged_from_the_start_of_the_path(tmp_path):
     seen = load_run(tmp_path / "run").against_path
     np.testing.assert_allclose(seen.y_error, 0.05)
     np.testing.assert_allclose(seen.projection.progress, 0.6 * (seen.t % 1.0), atol=1e-9)
+
+
+def test_a_withdrawal_that_was_refused_makes_no_lap(tmp_path):
+    record(tmp_path / "run", NoLaps())
+    seen = load_run(tmp_path / "run").against_path
+    np.testing.assert_allclose(seen.projection.progress, 0.6 * seen.t, atol=1e-9)
 
 
 def test_a_path_that_turns_back_is_drawn_and_judged_and_one_that_was_refused_is_not(tmp_path):

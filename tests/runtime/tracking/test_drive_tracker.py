@@ -230,6 +230,18 @@ def test_a_path_that_cannot_be_followed_is_counted_and_the_one_before_is_kept():
     assert vehicle.command.velocity[0] == pytest.approx(0.6)
 
 
+def test_a_path_of_another_than_the_lease_s_holder_is_counted_and_the_one_before_is_kept():
+    vehicle = Vehicle()
+    vehicle.request.held, vehicle.request.holder, vehicle.path.source = True, 7, 7
+    vehicle.give(straight(12.0))
+    vehicle.run(3.0)
+    vehicle.path.source = 8
+    vehicle.withdraw()
+    vehicle.run(1.0)
+    assert (vehicle.command.rejected_paths, vehicle.command.foreign_paths) == (1, 1)
+    assert vehicle.command.velocity[0] == pytest.approx(0.6)
+
+
 @pytest.mark.parametrize("velocity", [None, (0.4, 0.0, 0.2), (0.0, 0.3, 0.0)])
 def test_a_restored_task_goes_on_as_the_one_that_was_saved(velocity):
     vehicle, other = Vehicle(aside_m=1.0), Vehicle()

@@ -174,6 +174,18 @@ def test_a_bad_path_is_counted_once_and_the_last_good_one_kept(drive, spoil):
     assert (run.x, run.y, run.yaw) == (untouched.x, untouched.y, untouched.yaw)
 
 
+def test_a_path_of_another_than_the_lease_s_holder_is_counted_and_the_last_good_one_kept(drive):
+    run, untouched = drive(ZIGZAG), drive(ZIGZAG)
+    for one in (run, untouched):
+        one.request.held, one.request.holder, one.path.source = True, 7, 7
+        steps(one, 400)
+    run.path.stamp_ns, run.path.source, run.path.count = 2, 8, 0
+    steps(run, 200)
+    steps(untouched, 200)
+    assert (run.command.rejected_paths, run.command.foreign_paths) == (1, 1)
+    assert (run.x, run.y, run.yaw) == (untouched.x, untouched.y, untouched.yaw)
+
+
 def test_a_bad_first_path_leaves_the_robot_standing(drive):
     run = drive(ZIGZAG)
     spoil_nan(run.path)
