@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Puts the robot's runtime on this host: see README.md beside this file. Running it again changes only what is new.
 set -eu
+# The units' user reads what is put here, whatever the caller keeps from others.
+umask 022
 
 usage() {
     cat <<'TEXT'

@@ -4,6 +4,7 @@
 import os
 import re
 import shutil
+import stat
 import subprocess
 from pathlib import Path
 
@@ -24,14 +25,16 @@ class Staging:
             shutil.copytree(ROOT / part, self.sources / part)
         shutil.copy(ROOT / "constraints.txt", self.sources)
 
-    def _run(self, script: Path, *options: str, code: int = 0) -> str:
+    def _run(self, script: Path, *options: str, code: int = 0, umask: int = 0o022) -> str:
         environment = {**os.environ, "DESTDIR": str(self.root)}
-        done = subprocess.run([script, *options], capture_output=True, text=True, check=False, env=environment)
+        done = subprocess.run(
+            [script, *options], capture_output=True, text=True, check=False, env=environment, umask=umask
+        )
         assert done.returncode == code, done.stderr
         return done.stdout + done.stderr
 
-    def install(self, *options: str, code: int = 0) -> str:
-        return self._run(self.sources / "deploy/install.sh", *options, code=code)
+    def install(self, *options: str, code: int = 0, umask: int = 0o022) -> str:
+        return self._run(self.sources / "deploy/install.sh", *options, code=code, umask=umask)
 
     def uninstall(self, *options: str) -> str:
         return self._run(self.root / "opt/ugv/uninstall.sh", *options)
@@ -61,6 +64,14 @@ def test_uninstalling_leaves_nothing(staging):
     assert staging.tree() == {}
     assert not (staging.root / "etc/ugv").exists()
     assert not (staging.root / "opt/ugv").exists()
+
+
+@pytest.mark.parametrize("umask", [0o027, 0o077])
+def test_the_units_user_reads_all_but_secrets_whatever_is_kept_from_others_by_who_installs(staging, umask):
+    staging.install(umask=umask)
+    closed = {path.name for path in staging.root.rglob("*") if not path.stat().st_mode & stat.S_IROTH}
+    assert closed == {"peer-users.json5"}
+    assert all(path.stat().st_mode & 0o777 == 0o755 for path in staging.root.rglob("*") if path.is_dir())
 
 
 @pytest.mark.parametrize("path", [CONFIGURATION, UNIT])
