@@ -166,6 +166,18 @@ compile_loops() {
     printf '%s\n' "$state" > $cache/.compiled
 }
 
+# A process that begins, ends or waits to be started again uses the environment as one that is active does.
+check_nothing_runs() {
+    states=$(systemctl show --property=ActiveState --value ugv-control.service ugv-link.service ugv-recorder.service) ||
+        refuse "systemd does not tell what runs"
+    for state in $states; do
+        case $state in
+            inactive | failed) ;;
+            *) refuse "the robot's processes are running; first: systemctl stop ugv.target" ;;
+        esac
+    done
+}
+
 check_host() {
     [ "$(id -u)" -eq 0 ] || refuse "needs root: run it with sudo"
     command -v systemctl > /dev/null || refuse "this host has no systemd"
@@ -176,9 +188,7 @@ check_host() {
     case $("$python" -c 'import os, sys; print(os.path.realpath(sys.base_prefix))') in
         /root* | /home*) refuse "$python lies where the units cannot see it; name one of the system with --python" ;;
     esac
-    if systemctl --quiet is-active ugv-control.service ugv-link.service ugv-recorder.service; then
-        refuse "the robot's processes are running; first: systemctl stop ugv.target"
-    fi
+    check_nothing_runs
 }
 
 configuration=$(ls "$sources"/runtime/robots/*/"$robot.toml" 2> /dev/null) || refuse "there is no robot $robot"

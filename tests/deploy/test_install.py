@@ -179,11 +179,16 @@ def test_every_robot_can_be_installed(staging, robot):
     assert f"UGV_ROBOT={robot}\n" in (staging.root / "etc/ugv/ugv.conf").read_text()
 
 
+def step_of_installer(name):
+    """A function of the installer's, as text."""
+    script = (ROOT / "deploy/install.sh").read_text()
+    step = re.search(rf"^{name}\(\) \{{$.*?^\}}$", script, re.DOTALL | re.MULTILINE)
+    assert step is not None
+    return step[0]
+
+
 def compile_loops(place, robot):
     """Run the installer's step that compiles, with a stand-in for what compiles; what it told."""
-    script = (ROOT / "deploy/install.sh").read_text()
-    step = re.search(r"^compile_loops\(\) \{$.*?^\}$", script, re.DOTALL | re.MULTILINE)
-    assert step is not None
     stand_ins = """set -eu
         say() { printf '%s\\n' "$*"; }
         refuse() { exit 2; }
@@ -192,7 +197,7 @@ def compile_loops(place, robot):
         rehearsal=''
         """
     assignments = f"opt={place}/opt cache={place}/cache robot={robot}\n"
-    command = ["sh", "-c", f"{stand_ins}{assignments}{step[0]}\ncompile_loops"]
+    command = ["sh", "-c", f"{stand_ins}{assignments}{step_of_installer('compile_loops')}\ncompile_loops"]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
@@ -206,6 +211,27 @@ def test_the_loops_are_compiled_once_for_each_robot_and_state(tmp_path):
     assert compile_loops(tmp_path, "4ws4wd") == ""
     installed.write_text("two\n")
     assert "compiled 4ws4wd" in compile_loops(tmp_path, "4ws4wd")
+
+
+@pytest.mark.parametrize(
+    ("states", "code"),
+    [
+        ("inactive inactive failed", 0),
+        ("active active active", 2),
+        ("activating inactive inactive", 2),
+        ("inactive deactivating inactive", 2),
+        ("inactive inactive reloading", 2),
+        ("", 2),
+    ],
+)
+def test_what_begins_ends_or_waits_to_be_started_again_runs(states, code):
+    """As systemd tells the states of the three; it may also tell nothing."""
+    stand_ins = """set -eu
+        refuse() { exit 2; }
+        systemctl() { for state in $states; do printf '%s\\n\\n' "$state"; done; [ -n "$states" ]; }
+        """
+    command = ["sh", "-c", f"{stand_ins}{step_of_installer('check_nothing_runs')}\ncheck_nothing_runs"]
+    assert subprocess.run(command, env={**os.environ, "states": states}, check=False).returncode == code
 
 
 def test_an_unknown_robot_and_an_unknown_option_are_refused(staging):

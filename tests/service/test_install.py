@@ -3,9 +3,14 @@
 
 import hashlib
 import subprocess
+import time
 from pathlib import Path
 
+import pytest
+
+INSTALLER = Path(__file__).parents[2] / "deploy" / "install.sh"
 TOUCHED = ("/opt/ugv", "/etc")
+PATIENCE_S = 60
 
 
 def tree():
@@ -27,20 +32,37 @@ def test_the_runtime_starts_from_its_place(installed):
     assert told.stdout.startswith("ugv ")
 
 
-def test_the_installer_leaves_a_running_robot_alone(installed):
-    install = Path(__file__).parents[2] / "deploy" / "install.sh"
-    unit = Path("/run/systemd/system/ugv-recorder.service.d/running.conf")
-    unit.parent.mkdir()
-    unit.write_text("[Service]\nType=exec\nWatchdogSec=0\nExecStart=\nExecStart=/bin/sleep infinity\n")
+def come_to(unit, state):
+    """Wait until systemd says that a unit is in a state."""
+    command, deadline = ["systemctl", "show", unit, "--property=ActiveState", "--value"], time.monotonic() + PATIENCE_S
+    while (now := subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()) != state:
+        assert time.monotonic() < deadline, now
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "state"),
+    [
+        ("ExecStart=/bin/sleep infinity", "active"),
+        ("ExecStart=/bin/sleep infinity\nExecStartPost=/bin/sleep infinity", "activating"),
+        ("ExecStart=/bin/false\nRestart=always\nRestartSec=1h", "activating"),
+    ],
+    ids=["runs", "is not ready yet", "waits to be started again"],
+)
+def test_the_installer_leaves_a_robot_alone_whose_process(behaviour, state, installed):
+    unit = "ugv-recorder.service"
+    drop_in = Path(f"/run/systemd/system/{unit}.d/running.conf")
+    drop_in.parent.mkdir()
+    drop_in.write_text(f"[Service]\nType=exec\nWatchdogSec=0\nExecStart=\n{behaviour}\n")
     subprocess.run(["systemctl", "daemon-reload"], check=True)
     try:
-        subprocess.run(["systemctl", "start", "ugv-recorder.service"], check=True)
-        done = subprocess.run([install], capture_output=True, text=True, check=False)
-        assert (done.returncode, "systemctl stop ugv.target" in done.stderr) == (2, True)
+        subprocess.run(["systemctl", "start", "--no-block", unit], check=True)
+        come_to(unit, state)
+        done = subprocess.run([INSTALLER], capture_output=True, text=True, check=False)
+        assert (done.returncode, "systemctl stop ugv.target" in done.stderr) == (2, True), done.stderr
     finally:
-        subprocess.run(["systemctl", "stop", "ugv-recorder.service"], check=True)
-        unit.unlink()
-        unit.parent.rmdir()
+        subprocess.run(["systemctl", "stop", unit], check=True)
+        drop_in.unlink()
+        drop_in.parent.rmdir()
         subprocess.run(["systemctl", "daemon-reload"], check=True)
 
 
