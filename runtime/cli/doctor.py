@@ -13,6 +13,7 @@ from runtime.cli.options import add_overrides
 
 if TYPE_CHECKING:
     from runtime.cli.fitness.finding import Finding
+    from runtime.cli.fitness.scheduling import Limits
     from runtime.robots.robot_config import RobotConfig
 
 UNFIT = 2
@@ -65,18 +66,21 @@ def configuration(options: argparse.Namespace) -> RobotConfig | None:
 
 def findings(config: RobotConfig | None, runtime_directory: Path, log_directory: Path) -> Iterator[Finding]:
     """Everything that there is to find on this host, for a robot if there is one."""
-    yield from _of_the_kernel(config)
+    from runtime.cli.fitness.scheduling import read_unit_limits
+
+    unit = read_unit_limits()
+    yield from _of_the_kernel(config, unit)
     if config is not None:
-        yield from _of_the_wires(config)
+        yield from _of_the_wires(config, unit)
     yield from _of_the_software(runtime_directory, log_directory)
 
 
-def _of_the_kernel(config: RobotConfig | None) -> Iterator[Finding]:
+def _of_the_kernel(config: RobotConfig | None, unit: Limits | None) -> Iterator[Finding]:
     from runtime.cli.fitness import clocks, scheduling
 
     priority = DEFAULT_PRIORITY if config is None else config.highest_priority
     wanted = () if config is None else (*config.realtime.control_processors, *config.realtime.link_processors)
-    own, unit = scheduling.read_own_limits(), scheduling.read_unit_limits()
+    own = scheduling.read_own_limits()
     yield scheduling.check_priority(priority, scheduling.try_priority(priority), own, unit)
     yield scheduling.check_memory(own, unit)
     yield scheduling.check_throttling(*scheduling.read_throttling())
@@ -88,9 +92,9 @@ def _of_the_kernel(config: RobotConfig | None) -> Iterator[Finding]:
     yield clocks.check_date(clocks.read_synchronised())
 
 
-def _of_the_wires(config: RobotConfig) -> Iterator[Finding]:
+def _of_the_wires(config: RobotConfig, unit: Limits | None) -> Iterator[Finding]:
     from drivers.bus_load import MAX_BUS_LOAD
-    from runtime.cli.fitness import buses, endpoints
+    from runtime.cli.fitness import buses, endpoints, zenoh_file
 
     drives = config.drives
     if drives.interface == "socketcan":
@@ -98,7 +102,8 @@ def _of_the_wires(config: RobotConfig) -> Iterator[Finding]:
         yield from buses.check_channels(drives.channels, drives.bit_rate_hz, buses.read_links())
     yield buses.check_loads(config.bus_loads(), MAX_BUS_LOAD)
     if config.link.zenoh_config:
-        yield endpoints.check_file(Path(config.link.zenoh_config), os.access(config.link.zenoh_config, os.R_OK))
+        file = Path(config.link.zenoh_config)
+        yield zenoh_file.check_file(file, unit, zenoh_file.may_read(file, unit), zenoh_file.read_refusal(file))
     else:
         free = [endpoints.is_free(text) for text in config.link.listen]
         yield from endpoints.check_endpoints(config.link.listen, free, endpoints.link_is_running())

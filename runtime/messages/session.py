@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import re
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -27,8 +26,8 @@ from runtime.messages.keys import (
     gid_of,
     publisher_tokens,
 )
+from runtime.messages.refusal import reason, reason_of_file
 
-_PLACE_IN_SOURCE = re.compile(r" at /\S+\.rs:\d+\.?")
 _MOST_SESSIONS = 64
 LARGEST_PAYLOAD_BYTES = 8 << 20
 """Larger messages are refused; twice as large ones zenoh does not even put together."""
@@ -54,9 +53,9 @@ def session_config(listen: Sequence[str], connect: Sequence[str], file: Path | N
     Raises:
         SessionError: if the file, or an endpoint, is not one of zenoh's.
     """
+    if file is not None:
+        return _from_file(file)
     try:
-        if file is not None:
-            return zenoh.Config.from_file(str(file))
         config = zenoh.Config()
         for key, value in (
             ("mode", "peer"),
@@ -72,8 +71,14 @@ def session_config(listen: Sequence[str], connect: Sequence[str], file: Path | N
             config.insert_json5(key, json.dumps(value))
         return config
     except zenoh.ZError as error:
-        where = f"{file}: " if file is not None else "link: "
-        raise SessionError(f"{where}not a valid configuration of zenoh: {_reason(error)}") from None
+        raise SessionError(f"link: not a valid configuration of zenoh: {reason(error)}") from None
+
+
+def _from_file(file: Path) -> zenoh.Config:
+    try:
+        return zenoh.Config.from_file(str(file))
+    except zenoh.ZError as error:
+        raise SessionError(f"{file}: not a valid configuration of zenoh: {reason_of_file(error)}") from None
 
 
 class Publisher(Protocol):
@@ -137,7 +142,7 @@ class RosSession:
         try:
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
-            raise SessionError(f"no zenoh session could be opened: {_reason(error)}") from None
+            raise SessionError(f"no zenoh session could be opened: {reason(error)}") from None
         self._domain, self._hashes, self._endpoints = domain, hashes, 0
         self._node = Node(domain, str(self._session.zid()), node)
         self._held: list[Any] = []
@@ -172,7 +177,7 @@ class RosSession:
                     publisher_detection=True,
                 )
             except zenoh.ZError as error:
-                raise SessionError(f"nothing can be kept for late joiners of {topic}: {_reason(error)}") from None
+                raise SessionError(f"nothing can be kept for late joiners of {topic}: {reason(error)}") from None
         else:
             publisher = self._session.declare_publisher(key, congestion_control=drop)
         self._held.append(publisher)
@@ -226,8 +231,3 @@ class RosSession:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _reason(error: Exception) -> str:
-    text = str(error).strip().split("\n")[0]
-    return _PLACE_IN_SOURCE.sub("", text.partition(": {")[0])  # what follows may be a configuration with its passwords

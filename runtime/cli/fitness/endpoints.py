@@ -7,7 +7,6 @@ import ipaddress
 import socket
 import subprocess
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 from runtime.cli.fitness.finding import Finding, fail, ok
@@ -91,11 +90,3 @@ def check_endpoints(listen: Sequence[str], free: Sequence[bool], running: bool) 
             yield fail(name, sentence, "stop what listens there, or change link.listen")
         else:
             yield ok(name, "the link listens on it" if running else "is free")
-
-
-def check_file(path: Path, readable: bool) -> Finding:
-    """The configuration of zenoh's own that stands in place of endpoints."""
-    if readable:
-        return ok("zenoh", f"is configured by {path}")
-    remedy = "put it there, readable for the user who runs the robot, or change link.zenoh_config"
-    return fail("zenoh", f"{path} cannot be read", remedy)

@@ -75,6 +75,18 @@ def test_buses_without_the_kernel_need_no_interfaces(tmp_path: Path, capsys: pyt
     assert not any("CAN" in name for name in names)
 
 
+def test_a_configuration_that_zenoh_does_not_take_forbids_to_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "robot.json5"
+    file.write_text('{ mode: "secret" }')
+    places = ["--runtime-dir", str(tmp_path), "--log-dir", str(tmp_path)]
+    code, told = answer(capsys, "uslgo1", "--json", "--set", f"link.zenoh_config={file}", *places)
+    (finding,) = [one for one in json.loads(told)["findings"] if one["name"] == "zenoh"]
+    assert (code, finding["verdict"], "not a valid configuration of zenoh" in finding["sentence"]) == (2, "fail", True)
+    assert "secret" not in told
+
+
 def test_an_override_wants_something_to_override(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["doctor", "--set", "loops.wbc_hz=400"]) == 2
     assert "--set wants a robot" in capsys.readouterr().err

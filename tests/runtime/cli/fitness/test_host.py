@@ -109,13 +109,6 @@ def test_a_port_is_free_or_ours_and_not_open_to_everybody(text, free, running, v
     assert (finding.name, finding.verdict) == (f"zenoh {text}", verdict)
 
 
-@pytest.mark.parametrize(("readable", "verdict"), [(True, Verdict.OK), (False, Verdict.FAIL)])
-def test_a_configuration_of_zenoh_has_to_be_readable(readable, verdict):
-    finding = endpoints.check_file(Path("/etc/ugv/zenoh/robot-tls.json5"), readable)
-    assert finding.verdict is verdict
-    assert "robot-tls.json5" in finding.sentence
-
-
 def test_a_port_that_is_listened_on_is_not_free():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
