@@ -124,7 +124,9 @@ def test_if_one_cannot_be_made_none_is_left(tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(
-    GUEST, reason="in a guest the loops take ten times as long as they have: run it where the kernel has CAN"
+    GUEST,
+    reason="in a guest the loops take ten times as long as they have, so only control runs there, slowly and by itself "
+    "(test_control_process.py): run it where the kernel has CAN",
 )
 def test_the_processes_of_a_run_speak_over_them(tmp_path, capsys):
     before = interfaces()
