@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from runtime.cli.fitness import buses
 from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.executors.tick_stream import OBSERVER_SOCKET, TickListener
 from runtime.recording.recorder_status import read_status
@@ -126,15 +127,34 @@ def robot(compiled, real_time_by_limits):
     watch.close()
 
 
-def test_the_host_is_found_unfit_without_can_and_fit_otherwise(compiled):
-    done = subprocess.run(
-        [UGV, "doctor", "uslgo1", "--config", CONFIGURATION, "--json"], capture_output=True, text=True, check=False
-    )
-    found = {one["name"]: one for one in json.loads(done.stdout)["findings"]}
+def examined(*options):
+    """Exit code of the doctor, whether the host is fit, and what is found, by name."""
+    command = [UGV, "doctor", "uslgo1", "--config", CONFIGURATION, "--json", *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    told = json.loads(done.stdout)
+    return done.returncode, told["fit"], {one["name"]: one for one in told["findings"]}
+
+
+def test_the_host_is_fit_with_the_interface_of_sockets(compiled):
+    code, fit, found = examined()
+    assert [one for one in found.values() if one["verdict"] == "fail"] == []
+    assert (code, fit) == (0, True)
     assert found["packages"]["verdict"] == "ok"
     assert (found["machine code"]["verdict"], "/var/cache/ugv" in found["machine code"]["sentence"]) == ("ok", True)
     assert found["log directory"]["verdict"] == found["runtime directory"]["verdict"] == "ok"
     assert "ugv-control.service" in found["locked memory"]["sentence"]
+
+
+def test_the_host_is_unfit_without_the_channels_of_socketcan(compiled):
+    """The container has none, whether its kernel has CAN or not."""
+    channels = [f"can{bus}" for bus in range(4)]
+    code, fit, found = examined(
+        "--set", "drives.interface=socketcan", "--set", f"drives.channels={json.dumps(channels)}"
+    )
+    assert (code, fit) == (2, False)
+    failed = {name for name, one in found.items() if one["verdict"] == "fail"}
+    assert failed - {"kernel CAN"} == {f"CAN {channel}" for channel in channels}
+    assert (found["kernel CAN"]["verdict"] == "fail") is not buses.kernel_has_can()
 
 
 def stand_up(robot):
