@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ugv run` without `--process`: a recorder that is killed comes back, and control goes on."""
+"""`ugv run` without `--process`: what control is made of; a recorder that is killed comes back, and control goes on."""
 
 import json
 import os
@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from drivers.unix_hub import UnixHub
+from runtime.cli.fitness.scheduling import try_priority
 from runtime.executors.runtime_directory import runtime_directory
 from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.executors.tick_stream import LOOK_AGAIN_NS, OBSERVER_SOCKET, TickListener
@@ -26,6 +27,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("realtime")]
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 60.0
 TICK = TICK_TOPIC_PREFIX + "wbc"
+TICKS_BESIDE = 100
 RECORDED_NS = 10 * LOOK_AGAIN_NS
 """So long a recorder is given to hear of control."""
 
@@ -103,6 +105,37 @@ def session(tmp_path):
             process.terminate()
             process.wait(PATIENCE_S)
             process.stderr.close()
+
+
+def schedules(process):
+    """Policy and priority of each thread of a process."""
+    threads = [int(task.name) for task in Path(f"/proc/{process}/task").iterdir()]
+    return {thread: (os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority) for thread in threads}
+
+
+def times_woken(thread):
+    """How often a thread has slept so far."""
+    status = Path(f"/proc/{thread}/status").read_text()
+    return int(status.split("\nvoluntary_ctxt_switches:")[1].split()[0])
+
+
+def test_control_is_its_loops_that_run_first_where_they_may_and_a_main_thread_that_sleeps(session):
+    process, ticks = session
+    said = []
+    heard(process, "the process control is ready", said)
+    control, priorities = children(process.pid)["control"], [60, 80]
+    ticks.until(lambda tick: tick.index > 0)
+    woken, begun = times_woken(control), ticks.last.index
+    ticks.until(lambda tick: tick.index > begun + TICKS_BESIDE)
+    assert times_woken(control) == woken
+    found = schedules(control)
+    assert found.pop(control) == (os.SCHED_OTHER, 0)
+    refused = {priority: try_priority(priority) for priority in priorities}
+    assert sorted(found.values()) == sorted(
+        (os.SCHED_OTHER, 0) if refused[priority] else (os.SCHED_FIFO, priority) for priority in priorities
+    )
+    for refusal in filter(None, refused.values()):
+        assert f"ugv control: {refusal}" in said
 
 
 def test_a_killed_recorder_comes_back_and_control_goes_on(session, tmp_path):

@@ -186,6 +186,19 @@ def test_a_killed_control_comes_back_in_standby_though_the_robot_stood(robot):
     assert systemctl("show", "ugv-control.service", "--property=NRestarts", "--value").strip() == "1"
 
 
+def test_every_thread_of_control_but_the_main_one_is_a_loop_that_runs_first(robot):
+    _, watch = robot
+    systemctl("start", "ugv-control.service")
+    control, begun = main_pid("ugv-control.service"), watch.tick("mpc").index
+    watch.until(lambda mode: watch.tick("mpc").index > begun + TICKS_BESIDE)
+    threads = [int(task.name) for task in Path(f"/proc/{control}/task").iterdir()]
+    schedules = {
+        thread: (os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority) for thread in threads
+    }
+    assert schedules.pop(control) == (os.SCHED_OTHER, 0)
+    assert sorted(schedules.values()) == [(os.SCHED_FIFO, 60), (os.SCHED_FIFO, 80)]
+
+
 @pytest.mark.parametrize(("loop", "other"), [LOOPS, LOOPS[::-1]])
 def test_control_is_killed_and_comes_back_in_standby_if_only_one_of_its_loops_stops(loop, other, robot):
     simulator, watch = robot
