@@ -58,7 +58,7 @@ test-service: venv $(WHEELS)/.complete  ## Install into a real systemd in a cont
 	PYTHON=$(BIN)/python tests/service/in-systemd env $(SERVICE_ENVIRONMENT) UGV_SERVICE_WHEELS=$(abspath $(WHEELS)) \
 	    $(BIN)/python -m pytest $(SERVICE_OPTIONS) tests/service $(SERVICE_ARGS)
 	PYTHON=$(BIN)/python tests/service/with-limits tests/service/in-systemd env $(SERVICE_ENVIRONMENT) \
-	    UGV_SERVICE_UNITS_ONLY=1 $(BIN)/python -m pytest $(SERVICE_OPTIONS) -k limits tests/service/test_units.py
+	    UGV_SERVICE_UNITS_ONLY=1 $(BIN)/python -m pytest $(SERVICE_OPTIONS) -k "limits or families" tests/service/test_units.py
 
 $(WHEELS)/.complete: pyproject.toml constraints.txt
 	rm -rf $(WHEELS)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stands in for a process of the robot: tries what its unit allows it, tells the test, and feeds its watchdog."""
 
+import errno
 import json
 import os
 import resource
@@ -14,7 +15,13 @@ from runtime.executors.linux import LATENCY_REQUEST, lock_memory, run_first
 
 PROBE = "/run/ugv/probe.sock"
 WRITABLE = ("/run/ugv", "/var/cache/ugv", "/var/log/ugv", "/opt/ugv", "/etc/ugv", "/var/lib", "/usr", "/run", "/home")
-FAMILIES = ("AF_UNIX", "AF_INET", "AF_INET6", "AF_NETLINK", "AF_PACKET")
+FAMILIES = {
+    **dict.fromkeys(("AF_UNIX", "AF_INET", "AF_INET6", "AF_NETLINK", "AF_PACKET"), (socket.SOCK_DGRAM, 0)),
+    "AF_CAN": (socket.SOCK_RAW, socket.CAN_RAW),
+}
+"""Type and protocol of a socket of each."""
+NO_TYPE = 15
+"""Of a socket. The kernel refuses it before it looks whether it has the family."""
 WATCHDOG_S = 0.2
 
 
@@ -52,14 +59,24 @@ def facts(process: str) -> dict:
         "memory": lock_memory(),
         "device": LATENCY_REQUEST.exists(),
         "cores": resource.getrlimit(resource.RLIMIT_CORE)[0],
-        "families": [name for name in FAMILIES if allowed(lambda name=name: open_socket(name))],
+        "opened": [name for name in FAMILIES if allowed(lambda name=name: open_socket(name))],
+        "let_by": [name for name in FAMILIES if let_by(name)],
         "writable": [place for place in WRITABLE if allowed(lambda place=place: touch(place))],
         "environment": {key: os.environ.get(key) for key in ("RUNTIME_DIRECTORY", "LOGS_DIRECTORY", "UGV_CACHE_DIR")},
     }
 
 
 def open_socket(name: str) -> None:
-    socket.socket(getattr(socket, name), socket.SOCK_DGRAM).close()
+    socket.socket(getattr(socket, name), *FAMILIES[name]).close()
+
+
+def let_by(name: str) -> bool:
+    """Whether the unit lets a call come to the kernel; others it answers as a kernel without the family would."""
+    try:
+        socket.socket(getattr(socket, name), NO_TYPE).close()
+    except OSError as error:
+        return error.errno == errno.EINVAL
+    return True
 
 
 def touch(directory: str) -> None:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from runtime.cli.fitness.buses import kernel_has_can
+
 UNITS = ("ugv-recorder.service", "ugv-link.service", "ugv-control.service")
 SHIPPED = sorted(path.name for path in (Path(__file__).parents[2] / "deploy" / "systemd").iterdir() if path.is_file())
 DROP_INS = Path("/run/systemd/system")
@@ -122,11 +124,6 @@ def test_each_process_may_do_what_it_needs_and_nothing_else(running):
     assert {facts["user"] for facts in running.values()} == {user}
     assert {facts["capabilities"] for facts in running.values()} == {0}
     assert {facts["cores"] for facts in running.values()} == {0}
-    assert {name: facts["families"] for name, facts in running.items()} == {
-        "control": ["AF_UNIX"],
-        "link": ["AF_UNIX", "AF_INET", "AF_INET6", "AF_NETLINK"],
-        "recorder": ["AF_UNIX"],
-    }
     has_device = Path("/dev/cpu_dma_latency").exists()
     assert {name: facts["device"] for name, facts in running.items()} == {
         "control": has_device,
@@ -139,6 +136,18 @@ def test_each_process_may_do_what_it_needs_and_nothing_else(running):
         "link": shared,
         "recorder": [*shared, "/var/log/ugv"],
     }
+
+
+def test_each_process_opens_sockets_of_the_families_that_it_needs_and_control_of_can_where_the_kernel_has_it(running):
+    families = {
+        "control": ["AF_UNIX", "AF_CAN"],
+        "link": ["AF_UNIX", "AF_INET", "AF_INET6", "AF_NETLINK"],
+        "recorder": ["AF_UNIX"],
+    }
+    assert {name: facts["let_by"] for name, facts in running.items()} == families
+    if not kernel_has_can():
+        families["control"].remove("AF_CAN")
+    assert {name: facts["opened"] for name, facts in running.items()} == families
 
 
 def test_the_limits_let_each_run_first_as_far_as_it_needs_and_two_lock_memory(real_time_by_limits, probe):
