@@ -74,10 +74,10 @@ def judged(episode: Episode, logs: LiveLogs, config: Uslgo1Config) -> Verdict:
     flaws = [
         *_wrong_answer(row, answer, took_ns, bound_ns + stalled_ns(stalls, at_ns, at_ns + took_ns)),
         *_not_told(episode, logs),
-        *_abused(episode, logs, config),
+        *abused(episode, logs, config),
         *_still_driven(episode, times, config, longest_ns),
         *missing_log(logs, at_ns, until_ns, config.loops.wbc_period_ns, row.breaks_log, FAST not in row.holds_up),
-        *_old_commands(episode, logs, config.drives.command_age_max_ns),
+        *old_commands(episode, logs, config.drives.command_age_max_ns),
     ]
     bounds = simulation_of(config).stall_bounds()
     return Verdict(
@@ -176,7 +176,7 @@ def _total(values: npt.NDArray[Any]) -> int:
     return int(values.sum())
 
 
-def _abused(episode: Episode, logs: LiveLogs, config: Uslgo1Config) -> list[Flaw]:
+def abused(episode: Episode, logs: LiveLogs, config: Uslgo1Config) -> list[Flaw]:
     """Joints and torques beyond their limits, and falls."""
     found = []
     if not episode.joints_kept:
@@ -196,7 +196,7 @@ def _still_driven(episode: Episode, times: dict[str, int], config: Uslgo1Config,
     return [] if let_go else [Flaw(STILL_DRIVEN)]
 
 
-def _old_commands(episode: Episode, logs: LiveLogs, age_max_ns: int) -> list[Flaw]:
+def old_commands(episode: Episode, logs: LiveLogs, age_max_ns: int) -> list[Flaw]:
     """Whether a command reached a drive that is too old, unless the world stood still by the fault itself."""
     from_ns = episode.at_ns - WHOLE_NS
     arrived = while_recorded(episode.frames, logs.ticks(from_ns, episode.until_ns))

@@ -127,10 +127,14 @@ def _episode(row: LiveRow, stage: Stage, answers: LiveAnswers, directory: Path) 
     stage.live.order(Order(None))
     if not answers.wait_for_more(answers.seen, count, TELLS_WITHIN_S):
         raise ProcessError(f"{row.name}: the simulator does not say what it saw")
-    seen = answers.seen[-1]
+    frames = frames_in(directory)
+    return Episode(row, at_ns, mended_ns, time.monotonic_ns(), frames=frames, recorder=status, **answers.seen[-1])
+
+
+def frames_in(directory: Path) -> Frames:
+    """Commands that the drives received during a fault, as the simulator left them in the runtime directory."""
     with np.load(directory / FRAMES_FILE) as kept:
-        frames = Frames(kept["arrival_ns"], kept["bus"], kept["raw"].reshape(-1, 16))
-    return Episode(row, at_ns, mended_ns, time.monotonic_ns(), frames=frames, recorder=status, **seen)
+        return Frames(kept["arrival_ns"], kept["bus"], kept["raw"].reshape(-1, 16))
 
 
 @contextmanager

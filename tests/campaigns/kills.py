@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kills each process of a walking robot with SIGKILL, at random phases of the gait, and starts it again.
 
-The robot must stay within its joint limits until its drives let go, the log must lack at most 20 ms before the kill,
-nobody may be driven without power, and the robot must walk again. The simulator is the far end of everything: with it
-go all buses and sensors, so that control must end DAMPED by itself; the one that is started again has the robot stand
-where the course begins. A stall of the machine that may be the cause is named beside a finding, which counts anyway.
+Without control the drives must let go by themselves, without the link the robot must crouch and be damped, each within
+the bound that `make faults-live` has for it, and without the recorder it must walk on; no command that is too old may
+reach a drive. The robot must stay within its joint limits until its drives let go, the log must lack at most 20 ms
+before the kill, nobody may be driven without power, and the robot must walk again. The simulator is the far end of
+everything: with it go all buses and sensors, so that control must end DAMPED by itself; the one that is started again
+has the robot stand where the course begins. A stall of the machine that may be the cause is named beside a finding,
+which counts anyway.
 
     python tests/campaigns/kills.py --times 50 [--seed 0] [--victims control link recorder sim]
 """
@@ -25,12 +28,15 @@ from typing import NamedTuple
 from runtime.executors.runtime_directory import runtime_directory
 from runtime.recording.recorder_status import read_status
 from runtime.robots import topics
+from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.signals import Mode
 from sim_bridge.faults.injector import SILENT, Order
-from sim_bridge.faults.live_judge import moved_unarmed
+from sim_bridge.faults.live_judge import abused, judged, moved_unarmed, old_commands
 from sim_bridge.faults.live_logs import LiveLogs
-from sim_bridge.faults.live_session import ROBOT, SCENARIO
-from sim_bridge.faults.log_flaws import LOST_MAX_NS
+from sim_bridge.faults.live_row import LINGER_NS
+from sim_bridge.faults.live_session import ROBOT, SCENARIO, Episode, frames_in
+from sim_bridge.faults.live_table import LIVE_ROWS
+from sim_bridge.faults.log_flaws import WHOLE_NS, missing_log
 from sim_bridge.live_answers import LiveAnswers
 from sim_bridge.live_buses import hub_buses
 from sim_bridge.live_processes import LiveProcesses, wired
@@ -40,17 +46,28 @@ VICTIMS = ("control", "link", "recorder", "sim")
 WALKS_WITHIN_S, ANSWERS_WITHIN_S = 60.0, 10.0
 KILLS_OF_ONE = 40
 """Kills of one robot, whose logs are then judged and thrown away."""
-BEFORE_NS, AFTER_NS = 400_000_000, 1_500_000_000
+AFTER_NS = 1_500_000_000
+"""For how long after the simulator was killed control is looked at."""
 EXPECTED = {"control": (SILENT,), "link": (Mode.CROUCHING.name, Mode.DAMPED.name), "recorder": (Mode.ACTIVE.name,)}
 """States in which a robot is told to be after a kill."""
+ROWS = {victim: row for row in LIVE_ROWS for victim in EXPECTED if row.name == f"{victim} killed"}
+"""What each of these kills is to come to, and how soon."""
 
 
 class Kill(NamedTuple):
-    """One kill: whose, when (on the monotonic clock), and what was not as it must be, before the log is looked at."""
+    """One kill, and what came of it beside the log.
+
+    Attributes:
+        victim: who was killed.
+        at_ns: when, on the monotonic clock.
+        findings: what was not as it must be, before the log is looked at.
+        episode: what the far end of the wires saw; None without a far end.
+    """
 
     victim: str
     at_ns: int
-    findings: tuple[str, ...]
+    findings: tuple[str, ...] = ()
+    episode: Episode | None = None
 
 
 class Arena:
@@ -80,22 +97,22 @@ class Arena:
             self._answers.wait(lambda: bool(self._answers.ended), ANSWERS_WITHIN_S)
             self._live.start_simulator()
             self._answers = LiveAnswers(self._live.answers())
-            return Kill(victim, at_ns, ())
+            return Kill(victim, at_ns)
         findings = []
         if not self._answers.wait(lambda: self._answers.state in EXPECTED[victim], ANSWERS_WITHIN_S):
             findings.append(f"the robot is {self._answers.state}")
+        mended_ns = time.monotonic_ns()
         self._live.restart(victim)
         if victim == "recorder" and not self._answers.wait(self._records, ANSWERS_WITHIN_S):
             findings.append("nothing is recorded any more")
+        self._answers.rest(LINGER_NS * 1e-9)
         self._live.order(Order(None))
-        if self._answers.wait_for_more(self._answers.seen, seen, ANSWERS_WITHIN_S):
-            witnessed = self._answers.seen[-1]
-            findings += ["a joint passed its limits"] * (not witnessed["joints_kept"])
-            findings += ["the robot fell before it was damped"] * witnessed["fell"]
-            findings += ["the drives never let go"] * (victim != "recorder" and witnessed["released_ns"] is None)
-        else:
-            findings.append("the simulator does not say what it saw")
-        return Kill(victim, at_ns, tuple(findings))
+        if not self._answers.wait_for_more(self._answers.seen, seen, ANSWERS_WITHIN_S):
+            return Kill(victim, at_ns, (*findings, "the simulator does not say what it saw"))
+        frames, until_ns = frames_in(self._directory), time.monotonic_ns()
+        witnessed = self._answers.seen[-1]
+        episode = Episode(ROWS[victim], at_ns, mended_ns, until_ns, frames=frames, recorder=None, **witnessed)
+        return Kill(victim, at_ns, tuple(findings), episode)
 
     def _records(self) -> bool:
         """Whether the recorder that runs now says that it records; of one that was killed an old word is left."""
@@ -121,28 +138,44 @@ def campaign(victims: Sequence[str], seed: int, out: Path) -> list[str]:
                 if not arena.walks_again():
                     wrong.append(f"the robot does not walk within {WALKS_WITHIN_S:g} s after the last kill")
             live.stop()
-    return wrong + judge(out, kills)
+    assert isinstance(config, Uslgo1Config)
+    return wrong + judge(LiveLogs(out, ()), kills, config)
 
 
-def judge(directory: Path, kills: Sequence[Kill]) -> list[str]:
-    """What the logs of one robot show that must not be."""
-    logs = LiveLogs(directory, ())
+def judge(logs: LiveLogs, kills: Sequence[Kill], config: Uslgo1Config) -> list[str]:
+    """What the logs of one robot show that must not be, and what its drives saw."""
     wrong = moved_unarmed(logs)
     for kill in kills:
-        findings = list(kill.findings)
-        ticks = logs.ticks(kill.at_ns - BEFORE_NS, kill.at_ns)
-        lost_ns = kill.at_ns - int(ticks["now_ns"].max(initial=kill.at_ns - BEFORE_NS))
-        if lost_ns > LOST_MAX_NS:
-            findings.append(f"{lost_ns / 1e6:.1f} ms of the log were lost")
-        if kill.victim == "sim":
-            modes = logs.between(topics.SAFETY, kill.at_ns, kill.at_ns + AFTER_NS).values["mode"]
-            if not len(modes) or modes[-1] != Mode.DAMPED:
-                findings.append("control did not end DAMPED without its buses")
-        stalls = logs.stalls_between(kill.at_ns - BEFORE_NS, kill.at_ns + BEFORE_NS, (kill.victim,))
+        findings = [*kill.findings, *_flaws(kill, logs, config)]
+        until_ns = kill.at_ns + AFTER_NS if kill.episode is None else kill.episode.until_ns
+        held_up = ROWS[kill.victim].holds_up if kill.victim in ROWS else (kill.victim,)
+        stalls = logs.stalls_between(kill.at_ns - WHOLE_NS, kill.at_ns)
+        stalls += logs.stalls_between(kill.at_ns, until_ns, held_up)
         longest_ms = max((stall.length_ns for stall in stalls), default=0) / 1e6
         beside = f" (beside a stall of {longest_ms:.0f} ms)" if stalls else ""
         wrong += [f"{kill.victim} killed at {kill.at_ns / 1e9:.3f} s: {finding}{beside}" for finding in findings]
     return wrong
+
+
+def _flaws(kill: Kill, logs: LiveLogs, config: Uslgo1Config) -> Sequence[str]:
+    """What the logs show of one kill; a robot that walks on may come to the end of its lap meanwhile, and stand."""
+    episode, period_ns = kill.episode, config.loops.wbc_period_ns
+    if episode is None:
+        flaws = missing_log(logs, kill.at_ns, kill.at_ns + AFTER_NS, period_ns, breaks_log=True, ticks_on=False)
+        return [flaw.says for flaw in flaws] + _not_damped(kill, logs) * (kill.victim == "sim")
+    if kill.victim != "recorder":
+        return judged(episode, logs, config).flaws
+    flaws = missing_log(logs, kill.at_ns, episode.until_ns, period_ns, episode.row.breaks_log)
+    flaws += abused(episode, logs, config)
+    flaws += old_commands(episode, logs, config.drives.command_age_max_ns)
+    return [flaw.says for flaw in flaws]
+
+
+def _not_damped(kill: Kill, logs: LiveLogs) -> list[str]:
+    """Whether control is not damped at the end of what followed."""
+    modes = logs.between(topics.SAFETY, kill.at_ns, kill.at_ns + AFTER_NS).values["mode"]
+    damped = len(modes) > 0 and modes[-1] == Mode.DAMPED
+    return [] if damped else ["control did not end DAMPED without its buses"]
 
 
 def main() -> int:
