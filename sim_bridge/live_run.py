@@ -19,7 +19,7 @@ from runtime.executors.runtime_directory import runtime_directory
 from runtime.executors.tick import TICK_TOPIC_PREFIX
 from runtime.recording.fault_events import FaultEvent, fault_events
 from runtime.recording.log import Log
-from runtime.recording.run_data import BODY_STATE
+from runtime.recording.loop_timing import imu_age
 from runtime.recording.stepping_again import needed_ns
 from runtime.robots import assemble, assembled
 from sim_bridge.endurance import check_has_laps
@@ -86,7 +86,7 @@ def run_live(
         "estimator": config.variant.estimator,
         **outcome,
         **timings(bags, [loop.name for loop in assembled(config).loops]),
-        "imu_age_ms": _spread(bags.read(BODY_STATE).values["imu_age_ns"]),
+        "imu_age_ms": imu_age_ms(bags),
         "faults": faults,
         "pauses": pauses,
         "flaws": found,
@@ -162,6 +162,12 @@ def timings(bags: RunBags, loops: Iterable[str]) -> dict[str, Any]:
         figures[f"{name}_ms"] = _spread(ticks["compute_ns"])
         missed[name] = int(ticks["skipped"].sum())
     return {**figures, "missed_deadlines": missed}
+
+
+def imu_age_ms(logs: Iterable[Log]) -> dict[str, float] | None:
+    """How old the inertial samples were when they were used, ms; None if none was."""
+    age = imu_age(*logs)
+    return age and {"median": age.p50 * 1e-6, "p99": age.p99 * 1e-6, "max": age.max * 1e-6}
 
 
 def _spread(values_ns: npt.NDArray[np.int64]) -> dict[str, float]:

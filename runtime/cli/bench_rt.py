@@ -76,7 +76,7 @@ def measure_live(seconds: float = LIVE_S) -> None:
     from runtime.cli.sil import simulate_live
     from runtime.executors.tick import TICK_TOPIC_PREFIX
     from runtime.recording.log import Log
-    from runtime.recording.run_data import BODY_STATE
+    from runtime.recording.loop_timing import imu_age
 
     with tempfile.TemporaryDirectory(prefix="ugv-bench-") as parent:
         out = Path(parent) / "live"
@@ -90,13 +90,16 @@ def measure_live(seconds: float = LIVE_S) -> None:
             wake = np.percentile(ticks["wake_latency_ns"] * 1e-3, QUANTILES)
             compute = np.percentile(ticks["compute_ns"] * 1e-3, QUANTILES[:2])
             rows.append((loop, *wake, *compute, 100.0 * ticks["skipped"].sum() / (ticks["index"][-1] + 1)))
-        age = np.percentile(log.read_signal(BODY_STATE).values["imu_age_ns"] * 1e-3, QUANTILES)
+    age = imu_age(log)
+    shares = (None,) * len(QUANTILES) if age is None else tuple(share * 1e-3 for share in age[: len(QUANTILES)])
     print_table(
         f"{SCENARIO} in real time, {summary['sim_time_s']:.0f} s, us",
         ("", "wake p50", "p99", "p99.9", "compute p50", "p99", "skipped %"),
         rows,
     )
-    print_table("age of the inertial sample that the estimator used, us", ("", "p50", "p99", "p99.9"), [("IMU", *age)])
+    print_table(
+        "age of the inertial sample that the estimator used, us", ("", "p50", "p99", "p99.9"), [("IMU", *shares)]
+    )
 
 
 def _print(

@@ -56,7 +56,7 @@ def summary_rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for name, label in LOOPS.items():
         if f"{name}_ms" in summary:
             yield label, _joined(summary[f"{name}_ms"], 1.0, "ms")
-    if "imu_age_ms" in summary:
+    if summary.get("imu_age_ms"):
         yield "age of inertial samples", _joined(summary["imu_age_ms"], 1.0, "ms")
     missed = summary.get("missed_deadlines", {})
     if missed:

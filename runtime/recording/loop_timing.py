@@ -157,14 +157,22 @@ def percentiles(values: npt.NDArray[np.int64]) -> Percentiles | None:
     return Percentiles(*(float(value) for value in np.percentile(values, (50.0, 99.0, 99.9, 100.0))))
 
 
-def imu_age(log: Log) -> Percentiles | None:
-    """Age of the inertial samples at the ticks that used them; None if the log does not hold it."""
+def imu_age(*logs: Log) -> Percentiles | None:
+    """Age of the inertial samples at the ticks that used them, of all logs of a run; None if they do not hold it.
+
+    What the estimator leaves in its output before its first sample (`stamp_ns` 0) is no age.
+    """
+    return percentiles(np.concatenate([np.zeros(0, np.int64), *map(_imu_ages, logs)]))
+
+
+def _imu_ages(log: Log) -> npt.NDArray[np.int64]:
+    none = np.zeros(0, np.int64)
     if BODY_STATE not in log.channels or IMU_AGE not in dict(layout.fields_of(log.channels[BODY_STATE].definition)):
-        return None
+        return none
     signal = log.read_signal(BODY_STATE)
     if not (_has_numbers(signal, IMU_AGE) and _has_numbers(signal, "stamp_ns")):
-        return None
-    return percentiles(signal.values[IMU_AGE][signal.values["stamp_ns"] > 0])
+        return none
+    return signal.values[IMU_AGE][signal.values["stamp_ns"] > 0]
 
 
 def _has_numbers(signal: Signal, field: str) -> bool:

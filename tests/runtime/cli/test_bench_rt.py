@@ -104,8 +104,16 @@ class EmptyWalk:
         return rt_slices.slice_of(Executor, rt_slices.TickSink(), LOOP)
 
 
+def entry(number, record):
+    raw = record.to_bytes()
+    return ENTRY.pack(number, len(raw)) + raw
+
+
 class LiveRun:
-    """Stands for a run in real time: its log has ticks with given latencies, and samples of a given age."""
+    """Stands for a run in real time: its log has ticks with given latencies, and samples of a given age.
+
+    Before the first sample it has the output of an estimator that has not begun.
+    """
 
     def __init__(self, wake_us, age_us):
         self.wake_us, self.age_us, self.asked = wake_us, age_us, None
@@ -113,16 +121,15 @@ class LiveRun:
     def __call__(self, robot, scenario, out, until_s, progress):
         self.asked = until_s
         body = signals.BodyState("/ugv/body_state", {"foot": 4, "foot_xyz": 12, "foot_pair": 16})
-        body.imu_age_ns = self.age_us * 1000
+        aged = body.like()
+        aged.stamp_ns, aged.imu_age_ns = 1, self.age_us * 1000
         loops = [Loop(name, 1, 1, 80, (body,) if name == "wbc" else (), (), (), ()) for name in self.wake_us]
         manifest, sink = manifest_of(tuple(loops)), BagSink(out, recording_setup(loops, robot, "", 0))
         for loop in loops:
             tick = tick_record(loop)
             tick.index, tick.wake_latency_ns = 0, self.wake_us[loop.name] * 1000
-            entries = [(record, record.to_bytes()) for record in (tick, *loop.port_inputs)]
-            numbers = [manifest.of_topic(record.topic).number for record, _ in entries]
-            parts = [ENTRY.pack(number, len(raw)) + raw for number, (_, raw) in zip(numbers, entries, strict=True)]
-            sink.write(b"".join(parts))
+            written = (tick, *((body, aged) if loop.port_inputs else ()))
+            sink.write(b"".join(entry(manifest.of_topic(record.topic).number, record) for record in written))
         sink.close()
         return {"sim_time_s": until_s}
 
