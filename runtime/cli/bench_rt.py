@@ -4,47 +4,59 @@
 The real tasks are given the inputs of a recorded walk, MPC beside WBC, each a thread of the real-time executor.
 Between such slices come slices of the same loops without tasks, of those with tasks woken at their release and no
 earlier (as cyclictest is), and of cyclictest where it is installed: all see the same machine in the same minutes, and
-their ratios say what is ours. It is measured idle and, where stress-ng is installed, under its load.
+their ratios say what is ours. It is measured idle and, where stress-ng is installed, under its load; a table at the end
+says which claims were kept.
 """
 
 from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from runtime.cli.overruns import Slice, causes, typical_busy_ns
+from runtime.cli.overruns import Slice
+from runtime.cli.rt_claims import Claim, claims, print_claims
+from runtime.cli.rt_figures import QUANTILES, Figures, Shares, figures_of, medians
 from runtime.cli.rt_slices import STANDING_UP_S, Walk, cyclictest, load
 from runtime.executors.realtime import WAKE_EARLY_US
 
 RATES_HZ = (500, 1000)
 SLICES, SLICE_S, LIVE_S = 12, 5.0, 20.0
-QUANTILES = (50.0, 99.0, 99.9)
+WITH_TASKS, WITHOUT_TASKS = "with tasks", "without tasks"
 VARIANTS = {
-    "with tasks": (False, WAKE_EARLY_US),
-    "without tasks": (True, WAKE_EARLY_US),
+    WITH_TASKS: (False, WAKE_EARLY_US),
+    WITHOUT_TASKS: (True, WAKE_EARLY_US),
     "woken at release": (False, 0),
 }
 """Slices of our loops: whether they are bare, and how early the fast one is woken."""
 LEGEND = """\
 with tasks: the fast loop on a recorded walk, the slow one beside it; without tasks: the same loops, empty
 both are woken early and wait for their release awake; woken at release: with tasks, but no earlier, as cyclictest is
-ratio: p99 of waking to cyclictest's; busy: from waking to the end of a tick; dearest: the longest of the ticks' medians
-late wakes, interrupted: % of the periods that overran by them; own: overruns of ticks that take a period as a rule"""
+ratio: p99 of waking to cyclictest's; compute: of the tasks; busy: from waking to the end of a tick
+dearest: the longest of the ticks' medians; late wakes, interrupted: % of the periods that overran by them
+own: overruns of ticks that need more than is left of their period, of which a wake may use half"""
 
 
-def measure(slices: int = SLICES, seconds: float = SLICE_S) -> None:
-    """Measure at each rate, idle and loaded, and print."""
+def run(slices: int) -> int:
+    """Measure in so many slices of each kind, then a run in real time; 1 if a claim was not kept."""
+    found = measure(slices)
+    measure_live()
+    print_claims(found)
+    return 1 if any(claim.kept is False for claim in found) else 0
+
+
+def measure(slices: int, seconds: float = SLICE_S) -> list[Claim]:
+    """Measure at each rate, idle and loaded, and print; gives what is claimed of it."""
     from runtime.cli.bench import SCENARIO, recorded
     from runtime.cli.console import progress_bar
 
     refusals: list[str] = []
     withheld: list[str] = []
+    judged: list[Claim] = []
     loads = [False, True] if shutil.which("stress-ng") else [False]
     for rate_hz in RATES_HZ:
         with recorded(SCENARIO, STANDING_UP_S + seconds + 0.5, {"loops.wbc_hz": str(rate_hz)}) as run_directory:
@@ -52,13 +64,17 @@ def measure(slices: int = SLICES, seconds: float = SLICE_S) -> None:
             for loaded in loads:
                 found: dict[str, list[Slice]] = {name: [] for name in VARIANTS}
                 reference: list[list[float]] = []
-                with progress_bar(f"{rate_hz} Hz, {'loaded' if loaded else 'idle'}") as progress, load(loaded):
+                condition = f"{rate_hz} Hz, {'every processor loaded' if loaded else 'idle'}"
+                with progress_bar(condition) as progress, load(loaded):
                     for number in range(slices):
                         for name, (bare, wake_early_us) in VARIANTS.items():
                             found[name].append(walk.slice(bare, wake_early_us))
                         reference.append(cyclictest(walk.period_ns, seconds, 80, refusals.append))
                         progress(number + 1, slices)
-                _print(rate_hz, loaded, found, reference)
+                figures = {name: figures_of(taken, walk.period_ns) for name, taken in found.items()}
+                base = medians(reference)
+                _print(condition, figures, base, slices)
+                judged += claims(condition, figures[WITH_TASKS], figures[WITHOUT_TASKS], base)
     print(LEGEND)
     for refusal in dict.fromkeys(withheld):
         print(f"the loops: {refusal}")
@@ -67,6 +83,7 @@ def measure(slices: int = SLICES, seconds: float = SLICE_S) -> None:
     for tool in ("cyclictest", "stress-ng"):
         if shutil.which(tool) is None:
             print(f"{tool} is not installed, so what it would show is missing (Debian: rt-tests, stress-ng)")
+    return judged
 
 
 def measure_live(seconds: float = LIVE_S) -> None:
@@ -102,44 +119,28 @@ def measure_live(seconds: float = LIVE_S) -> None:
     )
 
 
-def _print(
-    rate_hz: int, loaded: bool, found: Mapping[str, Sequence[Slice]], reference: Sequence[Sequence[float]]
-) -> None:
+def _print(title: str, found: Mapping[str, Figures | None], base: Shares | None, slices: int) -> None:
     from runtime.cli.console import print_table
 
-    base = medians(reference)
-    rows = [(name, *_row(slices, rate_hz, base)) for name, slices in found.items()]
+    title = f"{title}: medians over {slices} slices, us"
+    wakes: list[tuple[Any, ...]] = [(name, *_wake(one, base)) for name, one in found.items()]
     if base is not None:
-        rows.append(("cyclictest", *base, 1.0, *(None,) * 6))
+        wakes.append(("cyclictest", *base, 1.0))
+    print_table(title, ("", "wake p50", "p99", "p99.9", "ratio"), wakes)
     print_table(
-        f"{rate_hz} Hz, {'every processor loaded' if loaded else 'idle'}: medians over {len(reference)} slices, us",
-        ("", "wake p50", "p99", "p99.9", "ratio", "busy p50", "p99", "dearest", "late wakes", "interrupted", "own"),
-        rows,
+        title,
+        ("", "compute p50", "p99", "p99.9", "busy p50", "p99", "dearest", "late wakes", "interrupted", "own"),
+        [(name, *_work(one)) for name, one in found.items()],
     )
 
 
-def medians(samples: Sequence[Sequence[float] | npt.NDArray[np.float64]]) -> tuple[float, float, float] | None:
-    """Medians over slices of the 50th, 99th and 99.9th percentile; slices in which nothing ran are left out."""
-    samples = [one for one in samples if len(one)]
-    if not samples:
-        return None
-    p50, p99, p999 = np.median([np.percentile(one, QUANTILES) for one in samples], axis=0)
-    return float(p50), float(p99), float(p999)
+def _wake(one: Figures | None, base: Shares | None) -> tuple[Any, ...]:
+    """Wake latency, and its ratio to the reference."""
+    return (None,) * 4 if one is None else (*one.wake_us, base and one.wake_us[1] / base[1])
 
 
-def _row(slices: Sequence[Slice], rate_hz: int, base: tuple[float, float, float] | None) -> tuple[Any, ...]:
-    """Wake latency, its ratio to the reference, what ticks take, and overruns by cause."""
-    period_ns = 10**9 // rate_hz
-    wake = medians([one.wake_ns / 1e3 for one in slices])
-    busy = medians([one.busy_ns / 1e3 for one in slices])
-    if wake is None or busy is None:
-        return (None,) * 10
-    numbers, typical_ns = typical_busy_ns(slices)
-    found = [causes(one, period_ns, numbers[typical_ns >= period_ns]) for one in slices]
-    late, interrupted = (
-        float(np.median([100.0 * getattr(one, cause) / one.periods for one in found if one.periods]))
-        for cause in ("late_wake", "interrupted")
-    )
-    own = sum(one.own for one in found)
-    dearest = typical_ns.max(initial=0.0) / 1e3
-    return (*wake, base and wake[1] / base[1], *busy[:2], dearest, late, interrupted, own)
+def _work(one: Figures | None) -> tuple[Any, ...]:
+    """What ticks take, and overruns by cause."""
+    if one is None:
+        return (None,) * 9
+    return (*one.compute_us, *one.busy_us[:2], one.dearest_us, one.late_percent, one.interrupted_percent, one.own)

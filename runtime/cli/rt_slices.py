@@ -113,8 +113,9 @@ def slice_of(executor: RealTime, sink: TickSink, loop: Loop) -> Slice:
         number, body = next(entries(datagram))
         if number == channel.number:
             tick.load(body)
-            rows.append((tick.index, tick.wake_latency_ns, logged_ns - tick.now_ns, tick.skipped))
-    table = np.array(rows, np.int64).reshape(-1, 4)
+            busy_ns = logged_ns - tick.now_ns
+            rows.append((tick.index, tick.wake_latency_ns, busy_ns, tick.skipped, tick.compute_ns, tick.cpu_ns))
+    table = np.array(rows, np.int64).reshape(-1, 6)
     return Slice(*table[table[:, 0] * loop.period_ns >= STANDING_UP_S * 1e9].T)
 
 

@@ -6,10 +6,13 @@ import os
 import re
 import shutil
 
+import numpy as np
 import pytest
 
 from runtime import signals
 from runtime.cli import bench, bench_rt, rt_slices, sil
+from runtime.cli.main import main
+from runtime.cli.overruns import Slice
 from runtime.executors.tick import ENTRY, Tick, manifest_of, tick_record
 from runtime.recording.bag import BagSink
 from runtime.recording.setup import recording_setup
@@ -24,10 +27,11 @@ class Executor:
     manifest = manifest_of((LOOP,))
 
 
-def datagram(index, now_us, skipped=0, wake_us=1):
+def datagram(index, now_us, skipped=0, wake_us=1, compute_us=2):
     tick = Tick("/ugv/tick/fast", {"received": 0})
     tick.index, tick.skipped = index, skipped
     tick.now_ns, tick.wake_latency_ns = now_us * 1000, wake_us * 1000
+    tick.compute_ns, tick.cpu_ns = compute_us * 1000, compute_us * 1000 - 1
     body = tick.to_bytes()
     return ENTRY.pack(0, len(body)) + body
 
@@ -44,14 +48,18 @@ def test_a_tick_is_busy_from_waking_until_it_is_logged_and_standing_up_is_not_co
     assert found.wake_ns.tolist() == [5000, 1000]
     assert found.busy_ns.tolist() == [200_000, 30_000]
     assert found.skipped.tolist() == [0, 1]
+    assert found.compute_ns.tolist() == [2000, 2000]
+    assert found.cpu_ns.tolist() == [1999, 1999]
 
 
 def test_the_real_tasks_run_on_the_wall_clock_and_the_table_names_what_is_missing(monkeypatch, capsys):
     monkeypatch.setattr(bench_rt, "RATES_HZ", (500,))
     monkeypatch.setattr(shutil, "which", lambda tool: None)
-    bench_rt.measure(slices=1, seconds=0.5)
+    found = bench_rt.measure(slices=1, seconds=0.5)
     text = capsys.readouterr().out
     assert "500 Hz, idle: medians over 1 slices" in text
+    assert [claim.says.partition(":")[0] for claim in found] == ["500 Hz, idle"] * 3
+    assert found[2].kept is None, "without a reference"
     assert all(row in text for row in ("with tasks", "without tasks", "woken at release"))
     assert "cyclictest is not installed" in text
     assert "stress-ng is not installed" in text
@@ -150,6 +158,41 @@ def test_a_run_in_real_time_shows_how_late_every_process_woke_and_how_old_the_sa
 def test_without_cyclictest_there_is_no_reference(monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda tool: None)
     assert rt_slices.cyclictest(2_000_000, 1.0, 80, never) == []
-    assert bench_rt.medians([]) is None
-    assert bench_rt.medians([[]]) is None
-    assert bench_rt.medians([[1.0, 3.0], [5.0, 5.0]])[0] == pytest.approx(3.5)
+
+
+def slice_of(wake_us, compute_us):
+    column = np.full(10, 1000)
+    return Slice(np.arange(10), wake_us * column, 2 * compute_us * column, 0 * column, compute_us * column, column)
+
+
+class Slow:
+    """A walk whose ticks wake late, and compute for 321 us at each rate and load."""
+
+    period_ns = 2_000_000
+
+    def __init__(self, run_directory, seconds, say):
+        pass
+
+    def slice(self, bare, wake_early_us):
+        return slice_of(*((5, 1) if bare else (40, 321)))
+
+
+@pytest.mark.parametrize(("reference_us", "code"), [(20.0, 1), (30.0, 0), (None, 0)])
+def test_compute_is_shown_at_each_rate_and_load_and_a_claim_that_is_not_kept_is_told_by_the_exit_code(
+    tmp_path, monkeypatch, capsys, reference_us, code
+):
+    monkeypatch.setattr(bench_rt, "Walk", Slow)
+    monkeypatch.setattr(bench_rt, "cyclictest", lambda *_: [] if reference_us is None else [reference_us] * 5)
+    monkeypatch.setattr(bench, "recorded", lambda *_: contextlib.nullcontext(tmp_path))
+    monkeypatch.setattr(bench_rt, "load", lambda loaded: contextlib.nullcontext())
+    monkeypatch.setattr(bench_rt.shutil, "which", lambda tool: tool)
+    monkeypatch.setattr(bench_rt, "measure_live", lambda: None)
+    assert main(["bench", "rt"]) == code
+    text = capsys.readouterr().out
+    for rate_hz in (500, 1000):
+        for load in ("idle", "every processor loaded"):
+            assert text.count(f"{rate_hz} Hz, {load}: medians over 12 slices, us") == 2
+            assert text.count(f"{rate_hz} Hz, {load}: no overrun by our own compute") == 1
+    computed = [line for line in text.splitlines() if "with tasks" in line and line.count("321") == 3]
+    assert len(computed) == 4
+    assert text.count("NO") == (4 if code else 0)
