@@ -156,10 +156,10 @@ class Inputs:
 def inputs_of(setup: LinkSetup, directory: FilePath, clock: Callable[[], Instant] = instant) -> Inputs:
     """The inputs of a robot's link; arguments and errors as of `Inputs`."""
     fastest_ns = min(loop.period_ns for loop in setup.loops)
-    return Inputs(setup.config, _records(setup.loops), directory, _NS_PER_SECOND / fastest_ns, clock)
+    return Inputs(setup.config, records_of(setup.loops), directory, _NS_PER_SECOND / fastest_ns, clock)
 
 
-def _records(loops: Sequence[Loop]) -> dict[str, Record]:
+def records_of(loops: Sequence[Loop]) -> dict[str, Record]:
     """A record of each input's layout."""
     measured = (Imu(topics.IMU), Pose(topics.LOCALIZATION), Battery(topics.BATTERY))
     path = next(r for loop in loops for r in loop.port_inputs if isinstance(r, PathRecord))

@@ -16,6 +16,8 @@ from runtime.messages.attachment import parse_attachment
 from runtime.messages.errors import MessageError
 
 Message = TypeVar("Message")
+FAULT = "a fault of the link"
+"""How a reason begins that is not the sender's."""
 _MOST_PUBLISHERS, _FORGOTTEN_NS = 32, 10_000_000_000
 _LARGEST_GAP = 1_000_000
 """A larger jump of the numbers is not a loss but a publisher that counts in another way."""
@@ -73,7 +75,7 @@ class TopicInput(Generic[Message]):
             except MessageError as error:
                 self.refuse(str(error))
             except Exception as error:  # ours, not the sender's: told as such, and the other topics go on
-                self.refuse(f"a fault of the link: {type(error).__name__}")
+                self.refuse(f"{FAULT}: {type(error).__name__}")
             else:
                 self._tally.accept(self.topic, now.monotonic_ns)
 

@@ -48,9 +48,9 @@ def main() -> int:
             sow(target, run, corpus)
             seeds = len(list(corpus.iterdir()))
             done = fuzz(target.name, target.modules, corpus, options.seconds)
-            runs = re.search(r"number_of_executed_units: *(\d+)", done.stdout)
-            print(f"{target.name}: {seeds} seeds, {runs[1] if runs else 'no'} inputs", flush=True)
-            if done.returncode != 0:
+            tried = executed(done.stdout)
+            print(f"{target.name}: {seeds} seeds, {tried or 'no'} inputs", flush=True)
+            if done.returncode != 0 or not tried:
                 failed.append(target.name)
                 print(done.stdout[-TOLD:])
     print(f"{len(chosen) - len(failed)} of {len(chosen)} targets without a failure", *failed, sep="\n  failed: ")
@@ -95,6 +95,12 @@ def fuzz(name: str, modules: tuple[str, ...], corpus: Path, seconds: int) -> sub
     with tempfile.TemporaryDirectory(prefix="ugv-fuzz-", dir=memory()) as room:  # it ends without tidying up
         environment["TMPDIR"] = room
         return subprocess.run(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def executed(told: str) -> int:
+    """How many inputs were decoded, by the closing words of a fuzzer; 0 if it did not get to them."""
+    found = re.search(r"number_of_executed_units: *(\d+)", told)
+    return int(found[1]) if found else 0
 
 
 def under_atheris(name: str, modules: tuple[str, ...]) -> None:

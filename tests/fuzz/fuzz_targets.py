@@ -12,6 +12,7 @@ import random
 
 import can_targets
 import file_targets
+import link_targets
 import log_targets
 import message_targets
 import process_targets
@@ -19,6 +20,7 @@ import process_targets
 TARGETS = (
     *can_targets.TARGETS,
     *file_targets.TARGETS,
+    *link_targets.TARGETS,
     *log_targets.TARGETS,
     *process_targets.TARGETS,
     *message_targets.TARGETS,

@@ -21,9 +21,8 @@ from runtime.recording.log import Log
 CDR = b"\0\1\0\0"
 
 
-def sized(decode: Callable[[bytes, int], object]) -> Callable[[bytes], object]:
-    """A decoder with the capacity of the robot's path."""
-    return lambda data: decode(data, 100)
+decode_path = functools.partial(path.decode_path, capacity=100)
+"""With the capacity of the robot's path."""
 
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -119,10 +118,11 @@ TARGETS = (
         message(definitions.TWIST_STAMPED),
         bodies("/cmd_vel", CDR),
     ),
-    Target("path_message", sized(path.decode_path), MESSAGES, message(definitions.PATH), bodies("/path", CDR)),
+    Target("path_message", decode_path, MESSAGES, message(definitions.PATH), bodies("/path", CDR)),
     Target("battery", battery.decode_battery_state, MESSAGES, message(definitions.BATTERY_STATE)),
     Target("scan", scan.decode_laser_scan, MESSAGES, message(definitions.LASER_SCAN)),
     Target("cloud", scan.decode_point_cloud, MESSAGES, clouds),
+    Target("empty", standard.decode_empty, MESSAGES, message(definitions.EMPTY)),
     Target("bool", standard.decode_bool, MESSAGES, message(definitions.BOOL)),
     Target("string", standard.decode_string, MESSAGES, message(definitions.STRING)),
     Target("float64", standard.decode_float64, MESSAGES, message(definitions.FLOAT64)),

@@ -17,6 +17,7 @@ from runtime.executors.shared_memory import SharedMemoryError
 from runtime.executors.tick import entries, manifest_of, tick_record
 from runtime.executors.tick_stream import RECORDER_SOCKET, TickListener, TickStreamError
 from runtime.link.loop import link_loop
+from runtime.link.topic_input import FAULT
 from runtime.link.topics import TAKEN
 from runtime.messages import definitions
 from runtime.messages.battery import BatteryMessage
@@ -306,23 +307,38 @@ def test_a_flood_does_not_keep_an_emergency_stop(link, until):
 
 
 def test_messages_of_any_bytes_leave_the_link_at_work(link, until, inbox_type):
+    """Such as are refused at their first byte, in the midst of a field, and at their end."""
+    plain, noise = b"\0\1\0\0", bytes(range(256)) * 8
+    long, late = "the message is longer than its type", "a stamp has a second's worth of nanoseconds or more"
+    flag, points = "a flag is neither true nor false", "the cloud's points have no x, y and z"
+    kinds = {
+        "/imu/data": definitions.IMU,
+        "/path": definitions.PATH,
+        "/operator/arm": definitions.BOOL,
+        "/points": definitions.POINT_CLOUD2,
+    }
     with link.peer() as peer:
         inbox = inbox_type()
         peer.subscribe("/diagnostics", definitions.DIAGNOSTIC_ARRAY, inbox)
-        noise = bytes(range(256)) * 8
-        for topic, name in (
-            ("/imu/data", definitions.IMU),
-            ("/path", definitions.PATH),
-            ("/operator/arm", definitions.BOOL),
-            ("/points", definitions.POINT_CLOUD2),
+        publishers = {topic: peer.publisher(topic, name) for topic, name in kinds.items()}
+
+        def reasons(topic) -> set[str]:
+            found = status(inbox, f"input {topic}")
+            return set() if found is None else set(found[2])
+
+        for message, told in (
+            (b"\1" + noise, dict.fromkeys(kinds, "the encapsulation is not plain CDR")),
+            (plain + noise[:20], dict.fromkeys(kinds, "the message ends too early") | {"/operator/arm": long}),
+            (plain + b"\xff" * 2048, dict.fromkeys(kinds, late) | {"/operator/arm": flag}),
+            (plain + bytes(2048), dict.fromkeys(kinds, long) | {"/points": points}),
         ):
-            publisher = peer.publisher(topic, name)
 
-            def told(topic=topic) -> bool:
-                found = status(inbox, f"input {topic}")
-                return found is not None and int(found[2].get("the encapsulation is not plain CDR", 0)) > 0
+            def put(message=message) -> None:
+                for publisher in publishers.values():
+                    publisher.put(message)
 
-            until(told, lambda publisher=publisher: publisher.put(b"\1" + noise))
+            until(lambda told=told: all(told[topic] in reasons(topic) for topic in kinds), put)
+        assert not any(reason.startswith(FAULT) for topic in kinds for reason in reasons(topic))
 
 
 def test_a_second_link_is_refused(link, start_link):
