@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
+from pathlib import Path
 
 import campaign
 import pytest
@@ -69,3 +71,8 @@ def test_a_target_that_executed_nothing_fails(monkeypatch, capsys, tmp_path, tol
     monkeypatch.setattr(campaign, "fuzz", lambda *_: subprocess.CompletedProcess([], code, told))
     assert campaign.main() == result
     assert ("failed: bool" in capsys.readouterr().out) == bool(result)
+
+
+def test_the_memory_that_recording_takes_is_not_laid_to_the_fuzzers(monkeypatch):
+    monkeypatch.setattr(campaign, "recorded", os.readlink)
+    assert int(campaign.recorded_apart(Path("/proc/self"))) != os.getpid()
