@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from runtime.executors.tick import TICK_TOPIC_PREFIX
+from runtime.recording.log import Log
 from sim_bridge.faults.flaw import Flaw
 from sim_bridge.faults.live_logs import LiveLogs
 
@@ -47,6 +49,19 @@ def missing_log(
         found.append(Flaw(f"{missing} ticks after the fault are missing", missing * period_ns))
     if ticks_on and not len(logs.ticks(until_ns - RETURNED_NS, until_ns)):
         found.append(Flaw("nothing is recorded any more", RETURNED_NS))
+    return found
+
+
+def holes(log: Log) -> list[str]:
+    """What the log of one walk lacks, from the first tick of each loop to the end."""
+    found = [f"the log was cut off at {log.end_ns * 1e-9:.3f} s"] if log.truncated else []
+    for topic in log.channels:
+        if topic.startswith(TICK_TOPIC_PREFIX):
+            ticks = log.read_signal(topic).values
+            follows = np.diff(ticks["index"], prepend=-1) == 1 + ticks["skipped"]
+            if not len(ticks) or not follows.all():
+                loop = topic.removeprefix(TICK_TOPIC_PREFIX)
+                found.append(f"ticks of {loop} are missing in the log at {len(follows) - int(follows.sum())} places")
     return found
 
 
