@@ -13,6 +13,7 @@ KILLS_ARGS ?=
 REALTIME_ARGS ?=
 ENDURANCE_S ?= 600
 FUZZ_S ?= 20
+BENCH_SLICES ?= 3
 ROBOT ?= uslgo1
 SCENARIO_uslgo1 := circle-6cm
 SCENARIO_4ws4wd := straight
@@ -97,12 +98,13 @@ endurance: venv  ## Walk in real time for ENDURANCE_S seconds, lap after lap, an
 realtime: venv  ## Run scenarios in real time, and compare their figures with the spread of those in lockstep.
 	$(BIN)/ugv experiment realtime --robot $(ROBOT) $(REALTIME_ARGS)
 
-bench: venv  ## Measure, each figure beside what it is compared with.
+bench: venv  ## Measure, each figure beside what it is compared with; real time in BENCH_SLICES slices, six minutes of three.
 	$(BIN)/ugv bench fuzzy
 	$(BIN)/ugv bench mpc
 	$(BIN)/ugv bench wbc
 	$(BIN)/ugv bench tracker
 	$(BIN)/ugv bench sil
+	$(BIN)/ugv bench rt --slices $(BENCH_SLICES)
 
 clean:  ## Remove the environment, caches and built packages; runs/ stays.
 	rm -rf .venv dist .fuzz .hypothesis .benchmarks .import_linter_cache .mypy_cache .pytest_cache .ruff_cache

@@ -25,7 +25,7 @@ from runtime.cli.rt_slices import STANDING_UP_S, Walk, cyclictest, load
 from runtime.executors.realtime import WAKE_EARLY_US
 
 RATES_HZ = (500, 1000)
-SLICES, SLICE_S, LIVE_S = 12, 5.0, 20.0
+SLICE_S, LIVE_S = 5.0, 20.0
 WITH_TASKS, WITHOUT_TASKS = "with tasks", "without tasks"
 VARIANTS = {
     WITH_TASKS: (False, WAKE_EARLY_US),

@@ -5,6 +5,7 @@ import contextlib
 import os
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -187,12 +188,26 @@ def test_compute_is_shown_at_each_rate_and_load_and_a_claim_that_is_not_kept_is_
     monkeypatch.setattr(bench_rt, "load", lambda loaded: contextlib.nullcontext())
     monkeypatch.setattr(bench_rt.shutil, "which", lambda tool: tool)
     monkeypatch.setattr(bench_rt, "measure_live", lambda: None)
-    assert main(["bench", "rt"]) == code
+    assert main(["bench", "rt", "--slices", "3"]) == code
     text = capsys.readouterr().out
     for rate_hz in (500, 1000):
         for load in ("idle", "every processor loaded"):
-            assert text.count(f"{rate_hz} Hz, {load}: medians over 12 slices, us") == 2
+            assert text.count(f"{rate_hz} Hz, {load}: medians over 3 slices, us") == 2
             assert text.count(f"{rate_hz} Hz, {load}: no overrun by our own compute") == 1
     computed = [line for line in text.splitlines() if "with tasks" in line and line.count("321") == 3]
     assert len(computed) == 4
     assert text.count("NO") == (4 if code else 0)
+
+
+def test_medians_are_over_twelve_slices_unless_it_is_said_otherwise(monkeypatch):
+    asked = []
+    monkeypatch.setattr(bench_rt, "run", lambda slices: asked.append(slices) or 0)
+    assert main(["bench", "rt"]) == 0
+    assert main(["bench", "rt", "--slices", "3"]) == 0
+    assert asked == [12, 3]
+
+
+def test_all_that_can_be_measured_is_measured_by_make_bench():
+    rules = (Path(__file__).parents[3] / "Makefile").read_text()
+    measured = re.findall(r"^\t\$\(BIN\)/ugv bench (\w+)", rules, re.MULTILINE)
+    assert sorted(measured) == sorted((bench.REAL_TIME, *bench.PARTS))

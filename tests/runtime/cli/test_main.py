@@ -81,6 +81,8 @@ def test_unknown_verb_names_the_closest(capsys: pytest.CaptureFixture[str]) -> N
         (["log", "list", "/no/such/run"], "list"),
         (["config", "mend", "uslgo1"], "mend"),
         (["bench", "gait"], "gait"),
+        (["bench", "mpc", "--slices", "3"], "--slices is for `ugv bench rt` alone"),
+        (["bench", "rt", "--slices", "0"], "0 is not"),
         (["experiment", "paper-00"], "did you mean paper-002?"),
         (["experiment", "paper-000", "--seeds", "0"], "0 is not from 1"),
     ],
