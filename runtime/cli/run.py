@@ -154,9 +154,7 @@ def _all(options: argparse.Namespace) -> int:
 
     _configuration(options)
     _make_meeting_place(options)
-    told: list[
-        int
-    ] = []  # waiting for a threading.Event, this thread would hold the lock that its handler needs to set it
+    told: list[int] = []  # not a threading.Event: waiting for it holds a lock, which the handler would then wait for
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, _: told.append(number))
     command = [sys.executable, "-m", "runtime.cli.main", "run", options.robot]
