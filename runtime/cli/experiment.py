@@ -50,7 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="paper-002: of a seed's 270 drives in MuJoCo the 16 that tell most, in 3 minutes",
     )
     parser.add_argument("--only", metavar="TEXT", default="", help="faults with --realtime: those so named")
-    parser.add_argument("--robot", default="uslgo1", metavar="ROBOT", help="realtime: whose (default uslgo1)")
+    parser.add_argument(
+        "--robot", metavar="ROBOT", help="whose faults (default: of both robots), or realtime: whose (default: uslgo1)"
+    )
     parser.add_argument(
         "--scenarios", nargs="+", default=(), metavar="SCENARIO", help="realtime: which (default: three of the robot's)"
     )
@@ -67,13 +69,13 @@ def run(options: argparse.Namespace) -> int:
         from runtime.cli.experiment_faults import run_faults, run_live_faults
 
         if options.realtime:
-            return run_live_faults(options.seeds or 1, options.only, options.out)
-        return run_faults(options.seeds or 3)
+            return run_live_faults(options.robot, options.seeds or 1, options.only, options.out)
+        return run_faults(options.robot, options.seeds or 3)
     if options.name == "paper-002":
         plants = (options.plant,) if options.plant else PLANTS
         return run_paper_002(plants, options.seeds or 1, options.quick, options.out)
     if options.name == "realtime":
-        return run_realtime(options.robot, options.scenarios, options.seeds or SEEDS, options.out)
+        return run_realtime(options.robot or "uslgo1", options.scenarios, options.seeds or SEEDS, options.out)
     return compare_controllers(options.seeds or 10)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ugv experiment faults`: what the robot does about each fault, beside what it is to do."""
+"""`ugv experiment faults`: what robots do about each fault, beside what they are to do."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from runtime.errors import UsageError, unknown
 if TYPE_CHECKING:
     from sim_bridge.faults.live_campaign import Campaign
 
+LIVE_ROBOT = "uslgo1"
 LIVE_HEADER = ("fault", "answer expected", "seen", "within ms", "took ms", "joints", "spoiled by stalls", "verdict")
-HEADER = ("fault", "answer expected", "seen", "within ms", "took ms", "joints", "verdict")
+HEADER = ("fault", "answer expected", "seen", "within ms", "took ms", "limits", "verdict")
 
 
 class Outcome(NamedTuple):
-    """Trials of one fault at several phases of the gait.
+    """Trials of one fault at several times.
 
     Attributes:
         name, expected: of the fault, and its answer.
         seen: the answer, or the first that differs.
         bound_ms, worst_ms: how soon it is due, and when it came at the latest.
-        joints_kept: whether no joint passed its limits before the robot was damped.
+        limits_kept: whether no joint or wheel passed its limits before the robot was damped.
         flaws: all that was not as it is to be, with the seed.
     """
 
@@ -33,50 +34,67 @@ class Outcome(NamedTuple):
     seen: str
     bound_ms: float
     worst_ms: float
-    joints_kept: bool
+    limits_kept: bool
     flaws: tuple[str, ...]
 
 
-def try_fault(number: int, seeds: Sequence[int]) -> Outcome:
-    """Try one row of the table at the phases that the seeds choose."""
-    from sim_bridge.faults.virtual_campaign import ALL_ROWS, configuration_of, tried
+def try_fault(place: tuple[str, int], seeds: Sequence[int]) -> Outcome:
+    """Try one row of a robot's table at the times that the seeds choose."""
+    from sim_bridge.faults.virtual_campaign import TABLES, tried
 
-    row = ALL_ROWS[number]
+    robot, number = place
+    row = TABLES[robot][number]
     trials, flaws = zip(*(tried(row, seed) for seed in seeds), strict=True)
     different = [trial for trial in trials if trial.answer != row.answer]
     return Outcome(
         row.name,
         ", ".join(row.answer),
         ", ".join((different or trials)[0].answer),
-        row.bound_ns(configuration_of(row)) * 1e-6,
+        row.bound_ns(row.config) * 1e-6,
         max(trial.time_ns for trial in trials) * 1e-6,
-        all(trial.joints_kept for trial in trials),
+        all(trial.limits_kept for trial in trials),
         tuple(f"seed {seed}: {flaw}" for seed, found in zip(seeds, flaws, strict=True) for flaw in found),
     )
 
 
-def run_faults(phases: int) -> int:
-    """Try every fault at some phases of the gait and print the table; 1 if anything is not as it is to be."""
+def run_faults(robot: str | None, times: int) -> int:
+    """Try every fault of a robot, or of all, at some times and print the tables; 1 if any is not as it is to be.
+
+    Raises:
+        UsageError: for an unknown robot.
+    """
     from runtime.cli.batch import in_processes
     from runtime.cli.console import print_table, progress_bar
-    from sim_bridge.faults.virtual_campaign import ALL_ROWS
+    from sim_bridge.faults.virtual_campaign import TABLES
 
+    robots = tuple(TABLES) if robot is None else (robot,)
+    if robot not in (None, *TABLES):
+        raise UsageError("ugv experiment: " + unknown("robot", robots[0], tuple(TABLES)))
+    places = [(name, number) for name in robots for number in range(len(TABLES[name]))]
     with progress_bar("faults") as progress:
-        outcomes = in_processes(partial(try_fault, seeds=range(phases)), range(len(ALL_ROWS)), progress)
-    title = f"Faults, each at {phases} random phase{'' if phases == 1 else 's'} of the trot"
-    print_table(title, HEADER, [_row(outcome) for outcome in outcomes])
-    for outcome in outcomes:
-        for flaw in outcome.flaws:
-            print(f"{outcome.name}, {flaw}")
+        outcomes = in_processes(partial(try_fault, seeds=range(times)), places, progress)
+    for name in robots:
+        own = [outcome for outcome, (of, _) in zip(outcomes, places, strict=True) if of == name]
+        title = f"Faults of {name}, each at {times} random time{'' if times == 1 else 's'} while it is under way"
+        print_table(title, HEADER, [_row(outcome) for outcome in own])
+        for outcome in own:
+            for flaw in outcome.flaws:
+                print(f"{name}: {outcome.name}, {flaw}")
     return 1 if any(outcome.flaws for outcome in outcomes) else 0
 
 
-def run_live_faults(phases: int, only: str, out: Path | None) -> int:
-    """Try the faults in real time and print the table; 1 if anything is not as it is to be, or was not shown."""
+def run_live_faults(robot: str | None, phases: int, only: str, out: Path | None) -> int:
+    """Try the faults in real time and print the table; 1 if anything is not as it is to be, or was not shown.
+
+    Raises:
+        UsageError: for a robot that has no such table, or an unknown fault.
+    """
     from runtime.cli.console import print_table, progress_bar
     from sim_bridge.faults.live_campaign import campaign
     from sim_bridge.faults.live_table import LIVE_ROWS
 
+    if robot not in (None, LIVE_ROBOT):
+        raise UsageError(f"ugv experiment: faults in real time are tried with {LIVE_ROBOT} only, not with {robot}")
     rows = [row for row in LIVE_ROWS if only in row.name]
     if not rows:
         raise UsageError("ugv experiment: " + unknown("fault", only, [row.name for row in LIVE_ROWS]))
@@ -130,6 +148,6 @@ def _row(outcome: Outcome) -> tuple[Any, ...]:
         outcome.seen,
         round(outcome.bound_ms),
         round(outcome.worst_ms),
-        "kept" if outcome.joints_kept else "PASSED",
+        "kept" if outcome.limits_kept else "PASSED",
         "DIFFERS" if outcome.flaws else "as expected",
     )

@@ -14,21 +14,9 @@ from runtime.signals import Fault, Motion, Request
 from sim_bridge.faults import operator
 from sim_bridge.faults.computer import CONTROL, LINK, OPERATOR, RECORDER, Computer
 from sim_bridge.faults.computer_trial import ComputerRow, Inject
-from sim_bridge.faults.table import (
-    CROUCH,
-    DAMP,
-    MS,
-    PAUSE,
-    STAND,
-    WALK_ON,
-    at_once,
-    crouched,
-    imu_stale,
-    lease_over,
-    stood,
-    ticks,
-)
-from sim_bridge.faults.wires import Wires
+from sim_bridge.faults.table import CROUCH, DAMP, PAUSE, STAND, WALK_ON, crouched, stood, ticks
+from sim_bridge.faults.table_parts import MS, at_once, imu_stale, lease_over
+from sim_bridge.faults.wires import QuadrupedWires
 from sim_bridge.ros_messages import TYPES
 
 SECOND_NS = 1000 * MS
@@ -50,21 +38,21 @@ def drives_let_go(config: Uslgo1Config) -> int:
     return config.simulation.command_timeout_ns + 2 * config.loops.wbc_period_ns + config.simulation.time_step_ns
 
 
-def _hold(wires: Wires, loops: tuple[str, ...], begin_ns: int, end_ns: int) -> None:
+def _hold(wires: QuadrupedWires, loops: tuple[str, ...], begin_ns: int, end_ns: int) -> None:
     """Steps of loops that begin within a time last until its end."""
-    periods = {"wbc": wires.config.loops.wbc_period_ns, "mpc": wires.config.loops.mpc_period_ns}
+    periods = {loop: wires.period_ns(loop) for loop in loops}
     for loop in loops:
         wires.delays[loop] = lambda index, period_ns=periods[loop]: (  # type: ignore[misc]
             end_ns - index * period_ns if begin_ns <= index * period_ns < end_ns else 0
         )
 
 
-def control_stopped(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+def control_stopped(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
     """The control process stands still, and goes on."""
     _hold(wires, CONTROL_LOOPS, begin_ns, end_ns)
 
 
-def control_killed(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+def control_killed(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
     """The control process is killed, and started again."""
     wires.once(begin_ns, lambda: computer.running.discard(CONTROL))
     wires.once(end_ns, lambda: computer.running.add(CONTROL))
@@ -78,7 +66,7 @@ def stopped_and_killed(stop_ns: int, kill_ns: int) -> Inject:
         kill_ns: when control is killed, likewise.
     """
 
-    def inject(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+    def inject(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
         operator.insert(wires, topics.OPERATOR_EVENT, begin_ns + stop_ns, [operator.says(Request.EMERGENCY_STOP)])
         control_killed(computer, wires, begin_ns + kill_ns, end_ns)
         asks = (Request.MOTION, Motion.STAND), (Request.ARM, Motion.REST), (Request.MOTION, Motion.WALK)
@@ -90,14 +78,14 @@ def stopped_and_killed(stop_ns: int, kill_ns: int) -> Inject:
 def hung(*loops: str) -> Inject:
     """Loops hang, whereupon control is killed by its watchdog, and started again."""
 
-    def inject(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+    def inject(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
         _hold(wires, loops, begin_ns, end_ns)
         control_killed(computer, wires, end_ns - RESTART_NS, end_ns)
 
     return inject
 
 
-def link_killed(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+def link_killed(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
     """The link is killed, and started again."""
     wires.once(begin_ns, computer.kill_link)
     wires.once(end_ns, computer.start_link)
@@ -106,14 +94,14 @@ def link_killed(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) ->
 def stopped(process: str) -> Inject:
     """A process stands still, and goes on."""
 
-    def inject(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+    def inject(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
         wires.once(begin_ns, partial(computer.stop, process))
         wires.once(end_ns, partial(computer.go_on, process))
 
     return inject
 
 
-def recorder_killed(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+def recorder_killed(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
     """The recorder is killed, and started again."""
     wires.once(begin_ns, computer.kill_recorder)
     wires.once(end_ns, computer.start_recorder)
@@ -126,7 +114,7 @@ def partitioned(asked: float) -> Inject:
         asked: when the operator asks to walk again, as a share of that time: at its end, or to nobody who hears.
     """
 
-    def inject(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+    def inject(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
         operator.walks_again(wires, begin_ns + int(asked * (end_ns - begin_ns)))
         wires.once(begin_ns, partial(computer.network.cut, OPERATOR))
         wires.once(end_ns, partial(computer.network.mend, OPERATOR))
@@ -134,7 +122,7 @@ def partitioned(asked: float) -> Inject:
     return inject
 
 
-def flooded(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+def flooded(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
     """So many subscribe that the link takes half a second to send what it otherwise sends at once."""
 
     def take(step_ns: int) -> None:
@@ -145,7 +133,7 @@ def flooded(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> Non
     wires.once(end_ns, partial(take, 0))
 
 
-def malformed_messages(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+def malformed_messages(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
     """Somebody sends what cannot be read, on every topic but the short ones."""
     session = computer.network.join("babbler")
     spoken = {topic: type_name for topic, type_name in TYPES.items() if topic not in SHORT}
@@ -159,7 +147,7 @@ def malformed_messages(computer: Computer, wires: Wires, begin_ns: int, end_ns: 
     wires.once(begin_ns, babble)
 
 
-def disk_full(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+def disk_full(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
     """No file of this process can grow any more."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     restore = partial(resource.setrlimit, resource.RLIMIT_FSIZE, before)
@@ -168,7 +156,7 @@ def disk_full(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> N
     computer.held.callback(restore)
 
 
-def logs_gone(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+def logs_gone(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
     """The directory of the logs is moved away, and is found again."""
     away = computer.logs.with_name("away")
 
@@ -187,7 +175,7 @@ def logs_gone(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> N
 def clock_set(by_ns: int) -> Inject:
     """The computer's clock is set, and set back."""
 
-    def inject(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+    def inject(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
         def step(by_ns: int) -> None:
             computer.clocks.set_ns += by_ns
 
@@ -197,7 +185,7 @@ def clock_set(by_ns: int) -> Inject:
     return inject
 
 
-def suspended(computer: Computer, wires: Wires, begin_ns: int, end_ns: int) -> None:
+def suspended(computer: Computer, wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
     """The computer is suspended while the world goes on."""
     wires.once(begin_ns, partial(computer.suspend, SECOND_NS))
 

@@ -27,8 +27,9 @@ from sim_bridge.faults.computer import CONTROL, STEP_NS, Computer
 from sim_bridge.faults.live_judge import moved_unarmed
 from sim_bridge.faults.live_logs import LiveLogs
 from sim_bridge.faults.log_flaws import missing_log
-from sim_bridge.faults.trial import WALKING_NS, Trial, Watch, flaws
-from sim_bridge.faults.wires import Wires
+from sim_bridge.faults.trial import Trial, flaws
+from sim_bridge.faults.walk import WALKING_NS, WalkWatch
+from sim_bridge.faults.wires import QuadrupedWires
 from sim_bridge.faults.witness import Witness
 from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.run import wire
@@ -37,7 +38,7 @@ MS = 1_000_000
 LINGER_NS = 500 * MS
 SLICE_NS = 20 * MS
 """Control that hangs is looked at so often."""
-Inject = Callable[[Computer, Wires, int, int], None]
+Inject = Callable[[Computer, QuadrupedWires, int, int], None]
 """Prepares a fault that is there from a time until before another, ns."""
 
 
@@ -75,6 +76,13 @@ class ComputerRow:
     forced: bool = False
     settings: dict[str, str] = field(default_factory=dict)
 
+    @property
+    def config(self) -> Uslgo1Config:
+        """The configuration that it is tried with."""
+        config = load_configuration("uslgo1", self.settings)
+        assert isinstance(config, Uslgo1Config)
+        return config
+
 
 class _Listener:
     """Somebody who reads /diagnostics."""
@@ -99,8 +107,7 @@ class _Walk:
     """
 
     def __init__(self, row: ComputerRow, seed: int, directory: Path) -> None:
-        config = load_configuration("uslgo1", row.settings)
-        assert isinstance(config, Uslgo1Config)
+        config = row.config
         self.row, self.config, self.logs = row, config, directory / "logs"
         rng = np.random.default_rng((seed, *row.name.encode()))
         self.begin_ns = (WALKING_NS + int(rng.integers(config.gait.period_ns))) // STEP_NS * STEP_NS
@@ -111,7 +118,10 @@ class _Walk:
         shared = directory / "run"
         shared.mkdir()
         self.computer = computer = Computer(config, wired, seed, shared, self.logs)
-        self._wires = Wires(config, wired.bus, wired.world, computer.sources, {}, rng, events=computer.events)
+        loops = wired.robot.loops
+        self._wires = QuadrupedWires(
+            config, wired.bus, wired.world, computer.sources, loops, rng, events=computer.events
+        )
         self._ages = CommandAges(wired.bus, lambda: computer.clocks.suspended_ns)
         self._outputs = {topics.CAN_SENT: self._ages.noted(computer.outputs[topics.CAN_SENT])}
         self._witness = Witness(config, wired.world, lambda: computer.clocks.world_ns)
@@ -121,7 +131,7 @@ class _Walk:
         computer.network.join("somebody").subscribe(ros.DIAGNOSTICS, definitions.DIAGNOSTIC_ARRAY, self._listener)
         assert computer.link is not None
         others = {STATUS: computer.link.carrier.status}
-        self._watch = Watch(row, config, wired.robot, wired.world, self.begin_ns, others)
+        self._watch = WalkWatch(row, config, wired.robot, wired.world, self.begin_ns, others)
         self._wires.once(self.begin_ns, self._begin)
         row.inject(computer, self._wires, self.begin_ns, self.end_ns)
 
@@ -143,7 +153,7 @@ class _Walk:
                 self._run_control(robot, until_ns)
                 robot = self._restarted(until_ns)
         trial = self._watch.result(self._ages.oldest_ns, self._witness.released_ns)
-        return trial._replace(joints_kept=self._witness.joints_kept, fell=self._witness.fell)
+        return trial._replace(limits_kept=self._witness.joints_kept, fell=self._witness.fell)
 
     def _run_control(self, robot: Robot, until_ns: int) -> None:
         """A life of the control process."""

@@ -22,7 +22,7 @@ from runtime.robots import topics
 from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.signals import BodyCommand, Gait, Mode, SafetyStatus
 from sim_bridge.faults.live_buses import LiveBuses
-from sim_bridge.faults.wires import Inject, Wires
+from sim_bridge.faults.wires import Inject, QuadrupedWires
 from sim_bridge.faults.witness import Witness
 from sim_bridge.quadruped_world import QuadrupedWorld
 from sim_bridge.tick_mirror import TickMirror
@@ -98,7 +98,7 @@ class Injector:
         self._command: BodyCommand = mirror.records[topics.BODY_COMMAND]  # type: ignore[assignment]
         self._witness = Witness(config, world)
         buses.heard = self._witness.hear
-        self._wires: Wires | None = None
+        self._wires: QuadrupedWires | None = None
         self._order: Order | None = None
         self._strike_ns = 0
         self._walks_since_ns: int | None = None
@@ -163,7 +163,7 @@ class Injector:
         assert order is not None
         name = order.fault or ""
         rng = np.random.default_rng((order.seed, 1, *name.encode()))
-        self._wires = Wires(self._config, self._buses, self._world, self._inputs, {}, rng)
+        self._wires = QuadrupedWires(self._config, self._buses, self._world, self._inputs, (), rng)
         if name in self._faults:
             self._faults[name](self._wires, self._strike_ns, self._strike_ns + order.lasts_ns)
 

@@ -11,7 +11,8 @@ from runtime.recording.recorder_status import RecorderStatus
 from runtime.robots.uslgo1.config import Uslgo1Config
 from runtime.signals import Fault
 from sim_bridge.faults.stage import Act
-from sim_bridge.faults.table import MS, Bound, at_once
+from sim_bridge.faults.table import Bound
+from sim_bridge.faults.table_parts import MS, at_once
 from sim_bridge.faults.wires import FOREVER_NS, Inject
 
 LINGER_NS = 500 * MS

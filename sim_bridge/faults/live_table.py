@@ -17,23 +17,18 @@ from sim_bridge.faults.stage import continued, killed, started_again, stopped
 from sim_bridge.faults.table import (
     CROUCH,
     DAMP,
-    MS,
     PAUSE,
     ROWS,
-    SKIPPED,
     WALK_ON,
     Bound,
-    at_once,
     crouched,
-    imu_stale,
-    lease_over,
     plan_given_up,
     plan_missing,
     stood,
     ticks,
-    velocity_old,
 )
-from sim_bridge.faults.wires import Wires
+from sim_bridge.faults.table_parts import MS, SKIPPED, at_once, imu_stale, lease_over, velocity_old
+from sim_bridge.faults.wires import QuadrupedWires
 from sim_bridge.live_world import LONGEST_LAG_NS
 
 CARRIED_NS = 30 * MS
@@ -72,7 +67,7 @@ def on_the_wires(name: str, **changes: Any) -> LiveRow:
     return LiveRow(name, row.answer, bound, **{**same, **changes})
 
 
-def clock_ahead(wires: Wires, begin_ns: int, end_ns: int) -> None:
+def clock_ahead(wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
     """The clock of the computer that reads the IMU is set a second ahead."""
 
     def change(imu: Any, now_ns: int) -> bool:
@@ -83,7 +78,7 @@ def clock_ahead(wires: Wires, begin_ns: int, end_ns: int) -> None:
     wires.filter(topics.IMU, change)
 
 
-def velocity_lapses(wires: Wires, begin_ns: int, end_ns: int) -> None:
+def velocity_lapses(wires: QuadrupedWires, begin_ns: int, end_ns: int) -> None:
     """The operator asks for a velocity and says no more of it, and at the end asks to walk along the path again."""
     interrupted(asks_for(0.4, 0.1, 0.3))(wires, begin_ns, end_ns)
     anew = [says(Request.MOTION, motion) for motion in (Motion.STAND, Motion.WALK)]

@@ -12,11 +12,14 @@ from runtime.records import Record
 from runtime.robots import topics
 from runtime.signals import Motion, OperatorEvent, Path, Request
 from sim_bridge.faults.sensors import silent
-from sim_bridge.faults.wires import Inject, Wires
+from sim_bridge.faults.wires import AnyWires, Inject
 from sim_bridge.script import PRIORITY, SOURCE
 
+OTHER, BOSS = 2, 3
+"""Senders of lower and of higher priority than the operator's."""
 
-def insert(wires: Wires, topic: str, at_ns: int, acts: list[Callable[[Any], None]]) -> None:
+
+def insert(wires: AnyWires, topic: str, at_ns: int, acts: list[Callable[[Any], None]]) -> None:
     """Put records of one's own before those of a port, from a time on, one a read."""
     port, acts = wires.inputs[topic], list(acts)
 
@@ -44,7 +47,7 @@ def says(request: Request, motion: Motion = Motion.REST, source: int = SOURCE, p
 def operator_says(*acts: Callable[[OperatorEvent], None]) -> Inject:
     """Events, one after the other; then nothing but them until the end."""
 
-    def inject(wires: Wires, begin_ns: int, end_ns: int) -> None:
+    def inject(wires: AnyWires, begin_ns: int, end_ns: int) -> None:
         silent(topics.OPERATOR_EVENT)(wires, begin_ns, end_ns)
         insert(wires, topics.OPERATOR_EVENT, begin_ns, list(acts))
 
@@ -54,18 +57,18 @@ def operator_says(*acts: Callable[[OperatorEvent], None]) -> Inject:
 def interrupted(*acts: Callable[[OperatorEvent], None]) -> Inject:
     """Events of others among those of the operator."""
 
-    def inject(wires: Wires, begin_ns: int, end_ns: int) -> None:
+    def inject(wires: AnyWires, begin_ns: int, end_ns: int) -> None:
         insert(wires, topics.OPERATOR_EVENT, begin_ns, list(acts))
 
     return inject
 
 
-def walks_again(wires: Wires, at_ns: int) -> None:
+def walks_again(wires: AnyWires, at_ns: int) -> None:
     """The operator asks to walk anew, once there is a robot to ask."""
     insert(wires, topics.OPERATOR_EVENT, at_ns, [says(Request.MOTION, Motion.WALK)])
 
 
-def bad_path(wires: Wires, begin_ns: int, end_ns: int) -> None:
+def bad_path(wires: AnyWires, begin_ns: int, end_ns: int) -> None:
     """A path arrives that cannot be followed."""
 
     def act(path: Path) -> None:
@@ -111,3 +114,8 @@ def from_long_ago(event: OperatorEvent) -> None:
     """An event that was long on its way."""
     event.request, event.motion = Request.MOTION, Motion.SIT
     event.stamp_ns -= 10_000_000_000
+
+
+TAKES_OVER = says(Request.LIFE, source=BOSS, priority=200)
+FOREIGN = [says(request, Motion.SIT, OTHER, 1) for request in Request if request != Request.EMERGENCY_STOP]
+NONSENSE = [nonsense, not_a_number, from_long_ago]

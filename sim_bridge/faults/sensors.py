@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of the sensors, as they arrive."""
+"""Faults of the sensors and of the battery, as they arrive."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 
 from runtime.robots import topics
-from sim_bridge.faults.wires import Inject, Wires
+from sim_bridge.faults.wires import AnyWires, Inject
 
 
 def silent(topic: str) -> Inject:
     """Nothing arrives on a topic."""
 
-    def inject(wires: Wires, begin_ns: int, end_ns: int) -> None:
+    def inject(wires: AnyWires, begin_ns: int, end_ns: int) -> None:
         wires.filter(topic, lambda record, now_ns: not begin_ns <= now_ns < end_ns)
 
     return inject
 
 
-def frozen_imu(wires: Wires, begin_ns: int, end_ns: int) -> None:
+def frozen_imu(wires: AnyWires, begin_ns: int, end_ns: int) -> None:
     """The IMU repeats its last sample with new stamps."""
     held: dict[str, Any] = {}
 
@@ -34,7 +34,7 @@ def frozen_imu(wires: Wires, begin_ns: int, end_ns: int) -> None:
     wires.filter(topics.IMU, change)
 
 
-def nan_imu(wires: Wires, begin_ns: int, end_ns: int) -> None:
+def nan_imu(wires: AnyWires, begin_ns: int, end_ns: int) -> None:
     """A number of the IMU's samples is none."""
 
     def change(imu: Any, now_ns: int) -> bool:
@@ -45,7 +45,7 @@ def nan_imu(wires: Wires, begin_ns: int, end_ns: int) -> None:
     wires.filter(topics.IMU, change)
 
 
-def spiking_imu(wires: Wires, begin_ns: int, end_ns: int) -> None:
+def spiking_imu(wires: AnyWires, begin_ns: int, end_ns: int) -> None:
     """The IMU's samples are far off."""
 
     def change(imu: Any, now_ns: int) -> bool:
@@ -58,7 +58,7 @@ def spiking_imu(wires: Wires, begin_ns: int, end_ns: int) -> None:
     wires.filter(topics.IMU, change)
 
 
-def backward_imu(wires: Wires, begin_ns: int, end_ns: int) -> None:
+def backward_imu(wires: AnyWires, begin_ns: int, end_ns: int) -> None:
     """The IMU's stamps run backwards."""
 
     def change(imu: Any, now_ns: int) -> bool:
@@ -69,7 +69,7 @@ def backward_imu(wires: Wires, begin_ns: int, end_ns: int) -> None:
     wires.filter(topics.IMU, change)
 
 
-def jumping_pose(wires: Wires, begin_ns: int, end_ns: int) -> None:
+def jumping_pose(wires: AnyWires, begin_ns: int, end_ns: int) -> None:
     """The localisation is somewhere else."""
     direction = wires.rng.uniform(0.0, 2.0 * np.pi)
     jump = 3.0 * np.array([np.cos(direction), np.sin(direction), 0.0])
@@ -80,3 +80,14 @@ def jumping_pose(wires: Wires, begin_ns: int, end_ns: int) -> None:
         return True
 
     wires.filter(topics.LOCALIZATION, change)
+
+
+def low_battery(wires: AnyWires, begin_ns: int, end_ns: int) -> None:
+    """The battery's voltage is too low."""
+
+    def change(battery: Any, now_ns: int) -> bool:
+        if begin_ns <= now_ns < end_ns:
+            battery.voltage = wires.config.safety.voltage_min_v - 0.5
+        return True
+
+    wires.filter(topics.BATTERY, change)

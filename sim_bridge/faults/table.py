@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every fault that lockstep can have, with its answer and how soon that is due."""
+"""Every fault that a walk in lockstep can have, with its answer and how soon that is due."""
 
 from __future__ import annotations
 
@@ -7,19 +7,45 @@ from collections.abc import Callable
 
 from runtime.robots import topics
 from runtime.robots.uslgo1.config import NS_PER_SECOND, Uslgo1Config
-from runtime.signals import Fault, Motion, Request
+from runtime.signals import Fault, Request
 from sim_bridge.courses import scenario
-from sim_bridge.faults import buses, operator, robot, sensors
-from sim_bridge.faults.operator import asks_for, interrupted, operator_says, path_withdrawn_by, says
-from sim_bridge.faults.robot import late
+from sim_bridge.faults import buses, joint_drives, operator, robot, sensors
+from sim_bridge.faults.joint_drives import bad_torque
+from sim_bridge.faults.loops import late, spoiled
+from sim_bridge.faults.operator import (
+    FOREIGN,
+    NONSENSE,
+    OTHER,
+    TAKES_OVER,
+    asks_for,
+    interrupted,
+    operator_says,
+    path_withdrawn_by,
+    says,
+)
 from sim_bridge.faults.sensors import silent
-from sim_bridge.faults.trial import Row
-from sim_bridge.script import PERIOD_NS
+from sim_bridge.faults.table_parts import (
+    COASTED,
+    IMU_REJECTED,
+    LEASES,
+    MALFORMED,
+    MS,
+    PATH_FOREIGN,
+    PATH_REJECTED,
+    POSE_REJECTED,
+    REFUSED,
+    SKIPPED,
+    SPIKING,
+    at_once,
+    imu_stale,
+    lease_over,
+    pose_disputed,
+    pose_missing,
+    velocity_old,
+)
+from sim_bridge.faults.walk import WalkRow
 from sim_bridge.sensors import BatterySensor
 
-MS = 1_000_000
-OTHER, BOSS = 2, 3
-"""Senders of lower and of higher priority than the operator's."""
 WALK_ON, DAMP, CROUCH = ("walk on",), ("damp",), ("crouch", "damp")
 PAUSE, STAND, DERATE = ("stand", "go on"), ("stand",), ("derate", "stand", "damp")
 Bound = Callable[[Uslgo1Config], int]
@@ -30,11 +56,6 @@ def ticks(count: int) -> Bound:
     return lambda config: count * config.loops.wbc_period_ns
 
 
-def at_once(config: Uslgo1Config) -> int:
-    """It needs no time."""
-    return 0
-
-
 def unanswered(config: Uslgo1Config) -> int:
     """Until a tick more than is bridged has passed without a reply, the first of which was on its way."""
     return (config.safety.missing_replies_max + 3) * config.loops.wbc_period_ns
@@ -43,11 +64,6 @@ def unanswered(config: Uslgo1Config) -> int:
 def crouched(after: Bound) -> Bound:
     """Until a fault of the IMU is known, and the robot is down."""
     return lambda config: after(config) + int(config.posture.crouch_s * 1e9) + 4 * config.loops.wbc_period_ns
-
-
-def imu_stale(config: Uslgo1Config) -> int:
-    """Until the last sample is too old."""
-    return config.safety.imu_age_max_ns
 
 
 def imu_frozen(config: Uslgo1Config) -> int:
@@ -69,27 +85,6 @@ def stood(after: Bound) -> Bound:
 def derated(after: Bound) -> Bound:
     """Until a fault is known, and has been borne for as long as may be."""
     return lambda config: after(config) + config.safety.derate_ns + 4 * config.loops.wbc_period_ns
-
-
-def pose_missing(config: Uslgo1Config) -> int:
-    """Until the last pose is too old."""
-    return config.safety.localization_age_max_ns
-
-
-def pose_disputed(config: Uslgo1Config) -> int:
-    """Until enough poses agree that it is elsewhere."""
-    period_ns = NS_PER_SECOND // config.simulation.localization_rate_hz
-    return (config.safety.disputed_poses_max + 1) * period_ns + config.simulation.localization_latency_ns
-
-
-def lease_over(config: Uslgo1Config) -> int:
-    """Until the lease of a silent operator is over."""
-    return config.authority.lease_ns + PERIOD_NS
-
-
-def velocity_old(config: Uslgo1Config) -> int:
-    """Until the velocity that was asked for is too old."""
-    return config.tracker.velocity.age_max_ns
 
 
 def plan_missing(config: Uslgo1Config) -> int:
@@ -119,72 +114,63 @@ def battery_read(config: Uslgo1Config) -> int:
     return BatterySensor.PERIOD_NS + 2 * config.loops.wbc_period_ns
 
 
-COASTED, REJECTED = (topics.SAFETY, "coasted"), (topics.JOINT_STATE, "rejected")
-IMU_REJECTED = (topics.BODY_STATE, "imu_rejected")
-POSE_REJECTED = (topics.BODY_STATE, "localization_rejected")
-REFUSED, MALFORMED = (topics.OPERATOR, "refused"), (topics.OPERATOR, "malformed")
-PATH_REJECTED, PATH_FOREIGN = (topics.BODY_COMMAND, "rejected_paths"), (topics.BODY_COMMAND, "foreign_paths")
-SKIPPED = (topics.TIMING, "skipped")
-SPIKING, BACKWARDS = Fault.STALE_IMU | Fault.IMPLAUSIBLE_IMU, Fault.STALE_IMU | Fault.IMU_TIME
-TAKES_OVER = says(Request.LIFE, source=BOSS, priority=200)
-FOREIGN = [says(request, Motion.SIT, OTHER, 1) for request in Request if request != Request.EMERGENCY_STOP]
-NONSENSE = [operator.nonsense, operator.not_a_number, operator.from_long_ago]
+REJECTED = (topics.JOINT_STATE, "rejected")
 
 ROWS = (
-    Row("a reply missing", buses.no_replies, WALK_ON, at_once, 6 * MS, Fault.MISSING_REPLY, COASTED),
-    Row("replies missing", buses.no_replies, DAMP, unanswered, fault=Fault.STALE_MOTOR),
-    Row("bus down", buses.bus_down, DAMP, ticks(2), fault=Fault.BUS),
-    Row("bus-off", buses.bus_off, DAMP, ticks(3), fault=Fault.BUS),
-    Row("bus flooded", buses.bus_flooded, DAMP, unanswered),
-    Row("bus full", buses.bus_full, DAMP, ticks(3), fault=Fault.BUS),
-    Row("motor fault", buses.drive_error, DAMP, ticks(3), fault=Fault.MOTOR_FAULT),
-    Row(
+    WalkRow("a reply missing", joint_drives.no_replies, WALK_ON, at_once, 6 * MS, Fault.MISSING_REPLY, COASTED),
+    WalkRow("replies missing", joint_drives.no_replies, DAMP, unanswered, fault=Fault.STALE_MOTOR),
+    WalkRow("bus down", buses.bus_down, DAMP, ticks(2), fault=Fault.BUS),
+    WalkRow("bus-off", buses.bus_off, DAMP, ticks(3), fault=Fault.BUS),
+    WalkRow("bus flooded", buses.flooded(32), DAMP, unanswered),
+    WalkRow("bus full", buses.bus_full, DAMP, ticks(3), fault=Fault.BUS),
+    WalkRow("motor fault", joint_drives.drive_error, DAMP, ticks(3), fault=Fault.MOTOR_FAULT),
+    WalkRow(
         "motor fault, derated",
-        buses.reported_error,
+        joint_drives.reported_error,
         DERATE,
         derated(ticks(3)),
         fault=Fault.MOTOR_FAULT,
         settings={"safety.motor_fault": "derate"},
     ),
-    Row("over-temperature", buses.hot_drive, DERATE, derated(ticks(3)), fault=Fault.TEMPERATURE),
-    Row(
+    WalkRow("over-temperature", joint_drives.hot_drive, DERATE, derated(ticks(3)), fault=Fault.TEMPERATURE),
+    WalkRow(
         "over-temperature, damped",
-        buses.hot_drive,
+        joint_drives.hot_drive,
         DAMP,
         ticks(3),
         fault=Fault.TEMPERATURE,
         settings={"safety.temperature": "damp"},
     ),
-    Row("under-voltage", buses.low_battery, DAMP, battery_read, fault=Fault.VOLTAGE),
-    Row(
+    WalkRow("under-voltage", sensors.low_battery, DAMP, battery_read, fault=Fault.VOLTAGE),
+    WalkRow(
         "under-voltage, derated",
-        buses.low_battery,
+        sensors.low_battery,
         DERATE,
         derated(battery_read),
         fault=Fault.VOLTAGE,
         settings={"safety.voltage": "derate"},
     ),
-    Row("torque saturated", buses.saturated_drive, DERATE, derated(saturated), fault=Fault.SATURATION),
-    Row(
+    WalkRow("torque saturated", joint_drives.saturated_drive, DERATE, derated(saturated), fault=Fault.SATURATION),
+    WalkRow(
         "torque saturated, damped",
-        buses.saturated_drive,
+        joint_drives.saturated_drive,
         DAMP,
         saturated,
         fault=Fault.SATURATION,
         settings={"safety.saturation": "damp"},
     ),
-    Row("leg out of range", buses.joint_out_of_range, DAMP, ticks(3), fault=Fault.JOINT_POSITION),
-    Row("malformed frames", buses.malformed_frames, WALK_ON, at_once, 500 * MS, counted=REJECTED),
-    Row("IMU silent", silent(topics.IMU), CROUCH, crouched(imu_stale), fault=Fault.STALE_IMU),
-    Row("IMU frozen", sensors.frozen_imu, CROUCH, crouched(imu_frozen), fault=Fault.FROZEN_IMU),
-    Row("IMU NaN", sensors.nan_imu, CROUCH, crouched(imu_stale), fault=Fault.STALE_IMU | Fault.NON_FINITE_SENSOR),
-    Row("IMU NaN once", sensors.nan_imu, WALK_ON, at_once, 2 * MS, Fault.NON_FINITE_SENSOR, IMU_REJECTED),
-    Row("IMU spiking", sensors.spiking_imu, CROUCH, crouched(imu_stale), fault=SPIKING),
-    Row("IMU spiking once", sensors.spiking_imu, WALK_ON, at_once, 2 * MS, Fault.IMPLAUSIBLE_IMU, IMU_REJECTED),
-    Row(
+    WalkRow("leg out of range", joint_drives.joint_out_of_range, DAMP, ticks(3), fault=Fault.JOINT_POSITION),
+    WalkRow("malformed frames", buses.malformed_frames, WALK_ON, at_once, 500 * MS, counted=REJECTED),
+    WalkRow("IMU silent", silent(topics.IMU), CROUCH, crouched(imu_stale), fault=Fault.STALE_IMU),
+    WalkRow("IMU frozen", sensors.frozen_imu, CROUCH, crouched(imu_frozen), fault=Fault.FROZEN_IMU),
+    WalkRow("IMU NaN", sensors.nan_imu, CROUCH, crouched(imu_stale), fault=Fault.STALE_IMU | Fault.NON_FINITE_SENSOR),
+    WalkRow("IMU NaN once", sensors.nan_imu, WALK_ON, at_once, 2 * MS, Fault.NON_FINITE_SENSOR, IMU_REJECTED),
+    WalkRow("IMU spiking", sensors.spiking_imu, CROUCH, crouched(imu_stale), fault=SPIKING),
+    WalkRow("IMU spiking once", sensors.spiking_imu, WALK_ON, at_once, 2 * MS, Fault.IMPLAUSIBLE_IMU, IMU_REJECTED),
+    WalkRow(
         "IMU time backwards", sensors.backward_imu, CROUCH, crouched(imu_stale), fault=Fault.STALE_IMU | Fault.IMU_TIME
     ),
-    Row(
+    WalkRow(
         "localisation silent",
         silent(topics.LOCALIZATION),
         PAUSE,
@@ -192,19 +178,27 @@ ROWS = (
         3500 * MS,
         Fault.STALE_LOCALIZATION,
     ),
-    Row("localisation jumps", sensors.jumping_pose, WALK_ON, at_once, 500 * MS, counted=POSE_REJECTED),
-    Row("localisation moved", sensors.jumping_pose, STAND, stood(pose_disputed), fault=Fault.MOVED_LOCALIZATION),
-    Row("MPC late 3 periods", late("mpc", 60 * MS), WALK_ON, at_once, 20 * MS, Fault.LATE_FORCES),
-    Row("MPC late 400 ms", late("mpc", 400 * MS), PAUSE, plan_missing, 20 * MS, Fault.STALE_FORCES),
-    Row("MPC hung", late("mpc", 10**12), ("stand", "damp"), plan_given_up, fault=Fault.STALE_FORCES | Fault.NO_FORCES),
-    Row("WBC overrun", late("wbc", 5 * MS), WALK_ON, at_once, 2 * MS, counted=SKIPPED),
-    Row("WBC overruns, 3 in a row", late("wbc", 3 * MS), PAUSE, stood(ticks(6)), 12 * MS, Fault.LATE_LOOP, SKIPPED),
-    Row("WBC overruns, 5 in a row", late("wbc", 3 * MS), DAMP, overrun, fault=Fault.OVERRUNS, counted=SKIPPED),
-    Row("WBC stalls for 15 ms", late("wbc", 15 * MS), WALK_ON, at_once, 2 * MS, counted=SKIPPED),
-    Row("rolled over", robot.rolled_over, DAMP, lambda config: 2 * NS_PER_SECOND, fault=Fault.TILT),
-    Row("thrown over", robot.pushed_over, DAMP, lambda config: 2 * NS_PER_SECOND, forced=True),
-    Row("command not finite", robot.bad_command, DAMP, ticks(1), fault=Fault.NON_FINITE_COMMAND),
-    Row(
+    WalkRow("localisation jumps", sensors.jumping_pose, WALK_ON, at_once, 500 * MS, counted=POSE_REJECTED),
+    WalkRow("localisation moved", sensors.jumping_pose, STAND, stood(pose_disputed), fault=Fault.MOVED_LOCALIZATION),
+    WalkRow("MPC late 3 periods", late("mpc", 60 * MS), WALK_ON, at_once, 20 * MS, Fault.LATE_FORCES),
+    WalkRow("MPC late 400 ms", late("mpc", 400 * MS), PAUSE, plan_missing, 20 * MS, Fault.STALE_FORCES),
+    WalkRow(
+        "MPC hung", late("mpc", 10**12), ("stand", "damp"), plan_given_up, fault=Fault.STALE_FORCES | Fault.NO_FORCES
+    ),
+    WalkRow("WBC overrun", late("wbc", 5 * MS), WALK_ON, at_once, 2 * MS, counted=SKIPPED),
+    WalkRow("WBC overruns, 3 in a row", late("wbc", 3 * MS), PAUSE, stood(ticks(6)), 12 * MS, Fault.LATE_LOOP, SKIPPED),
+    WalkRow("WBC overruns, 5 in a row", late("wbc", 3 * MS), DAMP, overrun, fault=Fault.OVERRUNS, counted=SKIPPED),
+    WalkRow("WBC stalls for 15 ms", late("wbc", 15 * MS), WALK_ON, at_once, 2 * MS, counted=SKIPPED),
+    WalkRow("rolled over", robot.rolled_over(50.0), DAMP, lambda config: 2 * NS_PER_SECOND, fault=Fault.TILT),
+    WalkRow("thrown over", robot.pushed_over, DAMP, lambda config: 2 * NS_PER_SECOND, forced=True),
+    WalkRow(
+        "command not finite",
+        spoiled("locomotion", topics.JOINT_COMMAND, bad_torque),
+        DAMP,
+        ticks(1),
+        fault=Fault.NON_FINITE_COMMAND,
+    ),
+    WalkRow(
         "operator silent",
         silent(topics.OPERATOR_EVENT),
         PAUSE,
@@ -213,8 +207,8 @@ ROWS = (
         Fault.NO_LEASE,
         mended=operator.walks_again,
     ),
-    Row("velocity silent", interrupted(asks_for(0.4, 0.1, 0.3)), STAND, stood(velocity_old)),
-    Row(
+    WalkRow("velocity silent", interrupted(asks_for(0.4, 0.1, 0.3)), STAND, stood(velocity_old)),
+    WalkRow(
         "lease released",
         operator_says(says(Request.RELEASE)),
         PAUSE,
@@ -223,24 +217,24 @@ ROWS = (
         Fault.NO_LEASE,
         mended=operator.walks_again,
     ),
-    Row(
+    WalkRow(
         "lease taken over",
         interrupted(TAKES_OVER),
         PAUSE,
         stood(ticks(2)),
         2500 * MS,
-        counted=(topics.OPERATOR, "leases"),
+        counted=LEASES,
         mended=operator.walks_again,
     ),
-    Row(
+    WalkRow(
         "emergency stop",
         interrupted(says(Request.EMERGENCY_STOP, source=OTHER, priority=0)),
         DAMP,
         ticks(2),
         fault=Fault.EMERGENCY_STOP,
     ),
-    Row("events of others", interrupted(*FOREIGN), WALK_ON, at_once, 100 * MS, counted=REFUSED),
-    Row("malformed events", interrupted(*NONSENSE), WALK_ON, at_once, 100 * MS, counted=MALFORMED),
-    Row("malformed path", operator.bad_path, WALK_ON, at_once, 100 * MS, counted=PATH_REJECTED),
-    Row("path withdrawn by another", path_withdrawn_by(OTHER), WALK_ON, at_once, 100 * MS, counted=PATH_FOREIGN),
+    WalkRow("events of others", interrupted(*FOREIGN), WALK_ON, at_once, 100 * MS, counted=REFUSED),
+    WalkRow("malformed events", interrupted(*NONSENSE), WALK_ON, at_once, 100 * MS, counted=MALFORMED),
+    WalkRow("malformed path", operator.bad_path, WALK_ON, at_once, 100 * MS, counted=PATH_REJECTED),
+    WalkRow("path withdrawn by another", path_withdrawn_by(OTHER), WALK_ON, at_once, 100 * MS, counted=PATH_FOREIGN),
 )

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fault can lay hands on: buses, ports, the world, and the time that loops take."""
+"""What a fault can lay hands on: buses, ports, the world, tasks, and the time that loops take."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,11 +14,17 @@ from drivers.can_frame import Frames
 from drivers.memory_bus import End, Tamper
 from runtime.executors.loop_run import InputPort
 from runtime.records import Record
+from runtime.robots.robot_config import RobotConfig
 from runtime.robots.uslgo1.config import Uslgo1Config
-from runtime.tasks import Task
+from runtime.robots.vehicle_4ws4wd.config import Vehicle4ws4wdConfig
+from runtime.tasks import Loop, Task
 from sim_bridge.quadruped_world import QuadrupedWorld
+from sim_bridge.vehicle_world import VehicleWorld
+from sim_bridge.world import World
 
 FOREVER_NS = 1 << 62
+ConfigT = TypeVar("ConfigT", bound=RobotConfig)
+WorldT = TypeVar("WorldT", bound=World)
 
 
 class Buses(Protocol):
@@ -41,27 +47,37 @@ class Buses(Protocol):
 
 
 @dataclass
-class Wires:
+class Wires(Generic[ConfigT, WorldT]):
     """What a fault can lay hands on.
 
     Attributes:
         config: of the robot.
         bus, world: the far ends.
         inputs: ports by topic.
-        tasks: of the robot, by name.
+        loops: of the robot.
         rng: for what a fault leaves to chance.
         delays: of the loops' steps, by loop: from (index) to ns.
         events: called with the time at every tick, before the world moves on.
     """
 
-    config: Uslgo1Config
+    config: ConfigT
     bus: Buses
-    world: QuadrupedWorld
+    world: WorldT
     inputs: dict[str, InputPort]
-    tasks: dict[str, Task]
+    loops: Sequence[Loop]
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     delays: dict[str, Callable[[int], int]] = field(default_factory=dict)
     events: list[Callable[[int], None]] = field(default_factory=list)
+
+    def task(self, name: str) -> Task:
+        """A task of the robot."""
+        (found,) = (item.task for loop in self.loops for item in loop.schedule if item.task.name == name)
+        return found
+
+    def period_ns(self, loop: str) -> int:
+        """Between two releases of a loop."""
+        (found,) = (one.period_ns for one in self.loops if one.name == loop)
+        return found
 
     def delay(self, loop: str, index: int) -> int:
         """How long a step takes, as an executor asks for it."""
@@ -111,5 +127,8 @@ class _Filter:
         return True
 
 
-Inject = Callable[[Wires, int, int], None]
+AnyWires = Wires[Any, Any]
+QuadrupedWires = Wires[Uslgo1Config, QuadrupedWorld]
+VehicleWires = Wires[Vehicle4ws4wdConfig, VehicleWorld]
+Inject = Callable[[AnyWires, int, int], None]
 """Prepares a fault that is there from a time until before another, ns."""

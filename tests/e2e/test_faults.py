@@ -8,16 +8,17 @@ import pytest
 from runtime.recording.log import Log
 from runtime.recording.replay import Replay
 from runtime.robots import assemble
+from sim_bridge.faults.attempt import attempt
 from sim_bridge.faults.table import ROWS
-from sim_bridge.faults.trial import Row, attempt
-from sim_bridge.faults.virtual_campaign import ALL_ROWS, tried
+from sim_bridge.faults.virtual_campaign import TABLES, tried
+from sim_bridge.faults.walk import WalkRow
 
 pytestmark = pytest.mark.xdist_group("faults")
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
 def test_a_fault_is_answered_in_time_within_the_joints_limits_and_without_a_stale_command_and_its_log_is_whole(
-    row: Row,
+    row: WalkRow,
 ) -> None:
     assert tried(row, 0)[1] == []
 
@@ -36,5 +37,6 @@ def test_the_log_of_a_fault_is_whole(name: str, tmp_path: Path) -> None:
     assert {task.verdict for task in result.tasks.values()} == {"identical"}
 
 
-def test_every_row_of_the_table_has_its_own_name() -> None:
-    assert len({row.name for row in ALL_ROWS}) == len(ALL_ROWS)
+@pytest.mark.parametrize("robot", TABLES)
+def test_every_row_of_a_table_has_its_own_name(robot: str) -> None:
+    assert len({row.name for row in TABLES[robot]}) == len(TABLES[robot])

@@ -14,7 +14,7 @@ from runtime.robots import assembled, load_configuration, topics
 from runtime.robots.fresh_frames import FreshFrames
 from runtime.signals import Fault, Mode
 from sim_bridge.courses import scenario
-from sim_bridge.faults.trial import WALKING_NS
+from sim_bridge.faults.walk import WALKING_NS
 from sim_bridge.run import NullSink
 from sim_bridge.script import ScriptedPath
 from sim_bridge.simulation import simulation_of

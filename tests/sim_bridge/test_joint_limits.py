@@ -10,9 +10,12 @@ from drivers.dialects import CLASSIC_8
 from drivers.joint_group import JointGroup
 from runtime.robots import load_configuration
 from runtime.robots.uslgo1.config import Uslgo1Config
+from sim_bridge.faults.attempt import attempt
 from sim_bridge.faults.joint_limits import ASKED_MARGIN_NM, JointLimits
-from sim_bridge.faults.table import WALK_ON, at_once
-from sim_bridge.faults.trial import Row, attempt, flaws
+from sim_bridge.faults.table import WALK_ON
+from sim_bridge.faults.table_parts import at_once
+from sim_bridge.faults.trial import flaws
+from sim_bridge.faults.walk import WalkRow
 from sim_bridge.quadruped_world import drive_model
 from sim_bridge.virtual_drive import VirtualDrives
 
@@ -70,5 +73,5 @@ def test_a_trial_in_which_a_joint_is_thrown_faster_than_it_may_be_is_not_as_it_i
 
         wires.events.append(event)
 
-    row = Row("a knee thrown", throw, WALK_ON, at_once)
-    assert "a joint passed its limits" in flaws(row, attempt(row, 0), CONFIG)
+    row = WalkRow("a knee thrown", throw, WALK_ON, at_once)
+    assert "a limit was passed" in flaws(row, attempt(row, 0), CONFIG)

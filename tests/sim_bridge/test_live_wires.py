@@ -14,8 +14,9 @@ from drivers.can_frame import make_frames
 from drivers.memory_bus import End
 from runtime.robots import load_configuration, topics
 from runtime.signals import BodyCommand, Gait, Mode, Pose, SafetyStatus
-from sim_bridge.faults.buses import bus_down, no_replies
+from sim_bridge.faults.buses import bus_down
 from sim_bridge.faults.injector import LOOK_NS, SILENT, STEADY_NS, Injector, Tap
+from sim_bridge.faults.joint_drives import no_replies
 from sim_bridge.faults.live_buses import LiveBuses
 from sim_bridge.faults.live_table import LIVE_ROWS
 from sim_bridge.faults.relay import Relay

@@ -8,8 +8,8 @@ from runtime.robots import load_configuration, topics
 from runtime.signals import Mode, Motion, Request
 from sim_bridge.courses import scenario
 from sim_bridge.faults.buses import bus_down
+from sim_bridge.faults.loops import late
 from sim_bridge.faults.operator import insert, says
-from sim_bridge.faults.robot import late
 from sim_bridge.faults.sensors import nan_imu
 from sim_bridge.faults.wires import Wires
 from sim_bridge.run import NullSink, wire
@@ -42,8 +42,7 @@ EXPECTED = (
 def test_a_mended_robot_leaves_damped_by_reset_and_arm_and_walks_again(fault):
     config = load_configuration("uslgo1")
     wired = wire(config, scenario("flat"), 0)
-    tasks = {item.task.name: item.task for loop in wired.robot.loops for item in loop.schedule}
-    wires = Wires(config, wired.bus, wired.world, wired.inputs, tasks)
+    wires = Wires(config, wired.bus, wired.world, wired.inputs, wired.robot.loops)
     for at_ms, request, motion in reversed(SAID):
         insert(wires, topics.OPERATOR_EVENT, at_ms * MS, [says(request, motion)])
     fault(wires, FAULT_NS, MENDED_NS)

@@ -77,23 +77,34 @@ def test_percentiles_are_median_high_and_largest() -> None:
     assert percentiles(range(101)) == (50.0, 99.0, 100.0)
 
 
-@pytest.mark.parametrize("flaws", [(), ("seed 1: answer is walk on",)])
+@pytest.mark.parametrize(
+    ("chosen", "robots"), [((), {"uslgo1", "4ws4wd"}), (("--robot", "4ws4wd"), {"4ws4wd"})], ids=["both", "one"]
+)
+@pytest.mark.parametrize("flaws", [(), ("seed 1: answer is drive on",)])
 def test_faults_are_printed_beside_their_answers_and_a_difference_fails(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], flaws: tuple[str, ...]
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    flaws: tuple[str, ...],
+    chosen: tuple[str, ...],
+    robots: set[str],
 ) -> None:
-    def tried(number: int, seeds: Sequence[int]) -> Outcome:
+    def tried(place: tuple[str, int], seeds: Sequence[int]) -> Outcome:
         assert list(seeds) == [0, 1]
-        return Outcome(f"fault {number}", "damp", "damp", 12.0, 8.0, True, flaws if number == 3 else ())
+        robot, number = place
+        tried_of.add(robot)
+        return Outcome(f"fault {number}", "damp", "damp", 12.0, 8.0, True, flaws if place == ("4ws4wd", 3) else ())
 
-    def in_this_process(run: Any, items: Sequence[int], progress: Any) -> list[Outcome]:
+    def in_this_process(run: Any, items: Sequence[tuple[str, int]], progress: Any) -> list[Outcome]:
         return [run(item) for item in items]
 
+    tried_of: set[str] = set()
     monkeypatch.setattr("runtime.cli.experiment_faults.try_fault", tried)
     monkeypatch.setattr("runtime.cli.batch.in_processes", in_this_process)
-    assert cli.main(["experiment", "faults", "--seeds", "2"]) == (1 if flaws else 0)
+    assert cli.main(["experiment", "faults", "--seeds", "2", *chosen]) == (1 if flaws else 0)
+    assert tried_of == robots
     out = capsys.readouterr().out
     assert "fault 3" in out
-    assert ("fault 3, seed 1: answer is walk on" in out) == bool(flaws)
+    assert ("4ws4wd: fault 3, seed 1: answer is drive on" in out) == bool(flaws)
     assert out.count("DIFFERS") == len(flaws)
 
 
@@ -135,6 +146,14 @@ def test_faults_in_real_time_that_only_a_stall_explains_show_nothing(
 def test_a_fault_that_there_is_none_of_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["experiment", "faults", "--realtime", "--only", "flood of tears"]) == 2
     assert "flood of tears" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("options", [("--robot", "4ws5wd"), ("--robot", "4ws4wd", "--realtime")])
+def test_faults_of_a_robot_that_has_no_table_of_them_are_refused(
+    capsys: pytest.CaptureFixture[str], options: tuple[str, ...]
+) -> None:
+    assert cli.main(["experiment", "faults", *options]) == 2
+    assert options[1] in capsys.readouterr().err
 
 
 def driven(trial: paper_002.Trial, error_m: float = 0.02) -> paper_002.Outcome:

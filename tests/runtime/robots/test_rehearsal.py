@@ -26,8 +26,8 @@ from runtime.kernel_cache import KernelCache
 from runtime.robots import load_configuration
 from runtime.robots.uslgo1.rehearsal import rehearse
 from sim_bridge import run
+from sim_bridge.faults.attempt import attempt
 from sim_bridge.faults.table import ROWS
-from sim_bridge.faults.trial import attempt
 
 rehearse(load_configuration("uslgo1"))
 load, used = KernelCache.load_overload, []
