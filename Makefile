@@ -79,7 +79,7 @@ fuzz: venv  ## Try to break every decoder, FUZZ_S seconds each (needs x86_64: at
 	    $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[fuzz]'
 	$(BIN)/python tests/fuzz/campaign.py --seconds $(FUZZ_S)
 
-faults: venv  ## Break everything that can break in virtual time, at several phases of the gait.
+faults: venv  ## Break everything that can break in virtual time, of each robot under way, at several times.
 	$(BIN)/ugv experiment faults $(FAULTS_ARGS)
 
 faults-live: venv  ## Break wires, processes, network and disk of a robot that walks in real time.

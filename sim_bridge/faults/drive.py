@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -23,8 +24,8 @@ from sim_bridge.vehicle_world import VehicleWorld
 SPEED_MPS = 1.0
 DRIVING_NS, PHASES_NS = 2_000_000_000, 2_500_000_000
 """From when on the vehicle goes at its full speed, and how long it then takes from the straight into a bend."""
-TILT_MARGIN_RAD = 0.25
-"""Beyond the tilt at which the vehicle is stopped: it takes a moment, in which whoever turns it over goes on."""
+FALLEN_RAD = 0.5 * math.pi
+"""Tilt of a vehicle that lies on its side."""
 
 
 class DriveWatch(Watch):
@@ -52,12 +53,17 @@ class DriveWatch(Watch):
         begin_ns: int,
     ) -> None:
         super().__init__(row, robot, begin_ns)
-        self._world, self._tilt_max_rad = world, config.safety.tilt_max_rad + TILT_MARGIN_RAD
+        self._world = world
         self._brakes_late_ns = config.safety.stop_max_ns + config.loops.drive_period_ns
         command = self._records[topics.WHEEL_COMMAND_SAFE]
         assert isinstance(command, WheelCommand)
         self._command, self._limits = command, WheelLimits(config)
         self._slowest: float | None = None
+
+    def look(self, now_ns: int) -> None:
+        """See `Watch`; changes are judged by the command before, so that those before the fault are looked at too."""
+        self._limits_kept = self._limits.kept(self._command, self._world.unit.motors.target) and self._limits_kept
+        super().look(now_ns)
 
     def over(self, now_ns: int) -> bool:
         """See `Watch`; that a vehicle puts its brakes on is waited for."""
@@ -75,15 +81,14 @@ class DriveWatch(Watch):
         }
 
     def _check(self) -> None:
-        command, world = self._command, self._world
-        self._limits_kept = self._limits.kept(command, world.unit.motors.target) and self._limits_kept
+        command = self._command
         if "brake" in self.seen:
             asked = float(np.abs(command.speed).max())
             slows = self._slowest is None or asked <= self._slowest
             brakes = not command.enable or self.status.stamp_ns - self.seen["brake"] <= self._brakes_late_ns
             self._slowest, self._stop_kept = asked, self._stop_kept and slows and brakes
         else:
-            self._fell = self._fell or world.tilt > self._tilt_max_rad
+            self._fell = self._fell or self._world.tilt > FALLEN_RAD
 
 
 @dataclass(frozen=True)

@@ -178,7 +178,7 @@ VEHICLE_ROWS = (
         Fault.STOOD_STILL,
         SKIPPED,
     ),
-    DriveRow("rolled over", rolled_over(ROLL_NM), STOP, rested(ticks(200)), fault=Fault.TILT),
+    DriveRow("rolled over", rolled_over(ROLL_NM), STOP, rested(ticks(100)), fault=Fault.TILT),
     DriveRow(
         "command not finite",
         spoiled("steering", topics.WHEEL_COMMAND, bad_wheel),
