@@ -81,7 +81,7 @@ def bad_path(wires: AnyWires, begin_ns: int, end_ns: int) -> None:
 def path_withdrawn_by(source: int) -> Inject:
     """Somebody takes back the path."""
 
-    def inject(wires: Wires, begin_ns: int, end_ns: int) -> None:
+    def inject(wires: AnyWires, begin_ns: int, end_ns: int) -> None:
         def act(path: Path) -> None:
             path.source, path.count = source, 0
 

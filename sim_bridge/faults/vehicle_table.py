@@ -39,6 +39,7 @@ from sim_bridge.faults.table_parts import (
     LEASES,
     MALFORMED,
     MS,
+    PATH_FOREIGN,
     PATH_REJECTED,
     POSE_REJECTED,
     REFUSED,
@@ -231,4 +232,12 @@ VEHICLE_ROWS = (
     DriveRow("events of others", interrupted(*FOREIGN), DRIVE_ON, at_once, 100 * MS, counted=REFUSED),
     DriveRow("malformed events", interrupted(*NONSENSE), DRIVE_ON, at_once, 100 * MS, counted=MALFORMED),
     DriveRow("malformed path", operator.bad_path, DRIVE_ON, at_once, 100 * MS, counted=PATH_REJECTED),
+    DriveRow(
+        "path withdrawn by another",
+        operator.path_withdrawn_by(operator.OTHER),
+        DRIVE_ON,
+        at_once,
+        100 * MS,
+        counted=PATH_FOREIGN,
+    ),
 )
