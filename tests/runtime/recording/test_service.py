@@ -37,7 +37,7 @@ from runtime.recording.setup import recording_setup
 setup = recording_setup(make_loops(), "toy", "gain = 0.3\\n", 0, JOINTS)
 serve(setup, Path(sys.argv[1]), Path(sys.argv[2]), [Path(__file__)])
 """
-PATIENCE_S = 120.0
+PATIENCE_S, LOOK_S = 120.0, 0.5
 OPEN_CHUNK = 4
 """Datagrams of the fast loop until a chunk spans 5 ms."""
 
@@ -55,12 +55,22 @@ class Service:
             address = directory / "manager.sock"
             address.unlink(missing_ok=True)
             manager.bind(str(address))
-            manager.settimeout(PATIENCE_S)
+            manager.settimeout(LOOK_S)
             environment["NOTIFY_SOCKET"] = str(address)
             command = [sys.executable, str(script), str(directory), str(self.logs)]
             self.process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
-            self.told = [manager.recv(100), manager.recv(100)]
+            self.told = [self._hear(manager), self._hear(manager)]
         self.stream = TickStream(directory / "recorder.sock")
+
+    def _hear(self, manager: socket.socket) -> bytes:
+        """What the recorder tells systemd next."""
+        deadline = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline:
+            with suppress(TimeoutError):
+                return manager.recv(100)
+            assert self.process.stderr is not None
+            assert self.process.poll() is None, self.process.stderr.read()
+        raise AssertionError("the recorder says nothing")
 
     def send(self, datagram: bytes) -> None:
         """Hand over a datagram for certain."""
