@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from enum import Enum, auto
 from typing import Any
 
 from runtime.errors import UsageError
+from runtime.recording.metrics import GOAL_TOLERANCE_M
 from runtime.records import Record
 from runtime.robots import topics
 from runtime.signals import (
@@ -36,10 +38,14 @@ def check_has_laps(scenario: Scenario) -> None:
     """See that there is a path to follow lap after lap.
 
     Raises:
-        UsageError: if the robot of the scenario stands, or goes by the operator's velocity.
+        UsageError: if the robot stands, goes by the operator's velocity, or ends elsewhere than it began.
     """
+    told = "ugv sil: --duration is for scenarios with a path"
     if not len(scenario.waypoints) or scenario.velocity is not None:
-        raise UsageError(f"ugv sil: --duration is for scenarios with a path to follow, and {scenario.name} has none")
+        raise UsageError(f"{told} to follow, and {scenario.name} has none")
+    ends = scenario.waypoints[0], scenario.waypoints[-1]
+    if not scenario.closed and math.dist(*ends) > GOAL_TOLERANCE_M:
+        raise UsageError(f"{told} that leads back to its start, and that of {scenario.name} does not")
 
 
 class Aim(Enum):

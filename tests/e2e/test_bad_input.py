@@ -47,6 +47,7 @@ def refusal(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
             "sil uslgo1 stand --realtime --duration 60",
             "is for scenarios with a path to follow, and stand has",
         ),
+        ("sil uslgo1 flat --realtime --duration 60", "that leads back to its start, and that of flat does not"),
         ("sil 4ws4wd crab --realtime --duration 60", "is for scenarios with a path to follow, and crab has"),
         ("sil uslgo1 circle-7cm", "scenario 'circle-7cm' is unknown; did you mean circle-6cm?"),
         ("sil uslgo1 slope-up-50", "scenario 'slope-up-50': 50 degrees is not above 0 and at most 35"),
