@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.cli.overruns import Slice
+from runtime.cli.overruns import Slice, typical_busy_ns
 from runtime.cli.rt_claims import Claim, claims, print_claims
 from runtime.cli.rt_figures import QUANTILES, Figures, Shares, figures_of, medians
 from runtime.cli.rt_slices import STANDING_UP_S, Walk, cyclictest, load
@@ -37,8 +37,9 @@ LEGEND = """\
 with tasks: the fast loop on a recorded walk, the slow one beside it; without tasks: the same loops, empty
 both are woken early and wait for their release awake; woken at release: with tasks, but no earlier, as cyclictest is
 ratio: p99 of waking to cyclictest's; compute: of the tasks; busy: from waking to the end of a tick
-dearest: the longest of the ticks' medians; late wakes, interrupted: % of the periods that overran by them
-own: overruns of ticks that need more than is left of their period, of which a wake may use half"""
+dearest: the longest of the ticks' medians; late wakes, interrupted: % of the periods that overran by them, or
+without tasks: would have, with what the same ticks need; own: overruns of ticks that need more than is left of
+their period, of which a wake may use half"""
 
 
 def run(slices: int) -> int:
@@ -71,7 +72,8 @@ def measure(slices: int, seconds: float = SLICE_S) -> list[Claim]:
                             found[name].append(walk.slice(bare, wake_early_us))
                         reference.append(cyclictest(walk.period_ns, seconds, 80, refusals.append))
                         progress(number + 1, slices)
-                figures = {name: figures_of(taken, walk.period_ns) for name, taken in found.items()}
+                needs_ns = typical_busy_ns(found[WITH_TASKS])
+                figures = {name: figures_of(taken, walk.period_ns, needs_ns) for name, taken in found.items()}
                 base = medians(reference)
                 _print(condition, figures, base, slices)
                 judged += claims(condition, figures[WITH_TASKS], figures[WITHOUT_TASKS], base)

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Why ticks overran: the same inputs given to the same loops several times tell what a tick takes by itself.
+"""Why ticks overran: the same inputs given to the same loops several times tell what a tick needs.
+
+That is the median of what it took. Its thread's clock does not tell: it goes on while a virtual machine holds its
+processor up, and says of empty ticks too that they computed for longer than their period.
 
 A tick overruns if what it was late and what it took come to more than its period. Of that a wake may use half, which is
-`WAKE_SHARE`: a tick that needs more than what is left of its period then overruns by its own compute, one that does not
-but was woken later by its wake, and any other since it was kept from its processor.
+`WAKE_SHARE`: a tick that needs more than what is left of its period then overruns by its own compute, one that was
+woken too late for what it needs by its wake, and any other since it was kept from its processor. A loop without tasks
+is woken late as often as one with tasks if the same ticks would have overrun with what those need.
 """
 
 from __future__ import annotations
@@ -30,7 +34,7 @@ class Slice:
         wake_ns: wake latency of each.
         busy_ns: wall time from waking until it was logged.
         skipped: periods skipped before each.
-        compute_ns, cpu_ns: wall time and processor time of its tasks.
+        compute_ns: wall time of its tasks.
     """
 
     index: IntArray
@@ -38,7 +42,6 @@ class Slice:
     busy_ns: IntArray
     skipped: IntArray
     compute_ns: IntArray
-    cpu_ns: IntArray
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class Causes:
 
     Attributes:
         own: what the tick needs comes to more than its period less the wake, of which `WAKE_SHARE` counts at most.
-        late_wake: not that, but woken later than `WAKE_SHARE` of the period.
+        late_wake: not that, but woken too late for what it needs.
         interrupted: neither; the tick was kept from its processor.
         periods: of the slice, those skipped among them.
         skipped: of these.
@@ -75,19 +78,23 @@ def typical_busy_ns(slices: Sequence[Slice]) -> dict[int, int]:
     return {number: int(np.sort(group)[(count - 1) // 2]) for number, group, count in groups if count >= least}
 
 
-def causes(one: Slice, period_ns: int, typical_ns: Mapping[int, int]) -> Causes:
+def causes(one: Slice, period_ns: int, needs_ns: Mapping[int, int]) -> Causes:
     """Sort the overruns of a slice.
 
     Args:
         one: the slice.
         period_ns: of its loop.
-        typical_ns: what ticks take as a rule, by their number; a tick needs that, or its processor time if it is more.
+        needs_ns: what ticks take as a rule with their tasks, by their number.
     """
-    overran = np.flatnonzero(one.skipped[1:])
-    wake_ns, granted_ns = one.wake_ns[overran], WAKE_SHARE * period_ns
-    typical = np.array([typical_ns.get(number, 0) for number in one.index[overran].tolist()], np.int64)
-    own = np.maximum(one.cpu_ns[overran], typical) > period_ns - np.minimum(wake_ns, granted_ns)
-    late = ~own & (wake_ns > granted_ns)
-    interrupted = len(overran) - int(own.sum()) - int(late.sum())
+    need_ns = np.array([needs_ns.get(number, 0) for number in one.index.tolist()], np.int64)
+    own = need_ns > period_ns - np.minimum(one.wake_ns, WAKE_SHARE * period_ns)
+    late = ~own & (one.wake_ns + need_ns > period_ns)
+    overran = np.append(one.skipped[1:] > 0, False)
     skipped = int(one.skipped[1:].sum())
-    return Causes(int(own.sum()), int(late.sum()), interrupted, len(one.index) + skipped, skipped)
+    return Causes(
+        int((own & overran).sum()),
+        int(late.sum()),
+        int((overran & ~own & ~late).sum()),
+        len(one.index) + skipped,
+        skipped,
+    )

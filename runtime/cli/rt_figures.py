@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -25,8 +25,8 @@ class Figures:
         wake_us, compute_us, busy_us: of wake latency, of the wall time of the tasks, and of that from waking until the
             tick is logged.
         dearest_us: the longest of the ticks' medians, None of a single slice.
-        late_percent, interrupted_percent: of the periods overran by a late wake, or since their tick was kept from its
-            processor; medians over the slices.
+        late_percent, interrupted_percent: of the periods overran by a late wake (of a loop without tasks: would have),
+            or since their tick was kept from its processor; medians over the slices.
         own: overruns by the loop's own compute, in all slices together.
         ticks: of all slices together.
     """
@@ -41,15 +41,21 @@ class Figures:
     ticks: int
 
 
-def figures_of(slices: Sequence[Slice], period_ns: int) -> Figures | None:
-    """The figures of a loop with a period; None if no tick ran."""
+def figures_of(slices: Sequence[Slice], period_ns: int, needs_ns: Mapping[int, int]) -> Figures | None:
+    """The figures of a loop; None if no tick ran.
+
+    Args:
+        slices: of the loop.
+        period_ns: of it.
+        needs_ns: what its ticks need, or would if they had tasks, by their number.
+    """
     wake = medians([one.wake_ns / 1e3 for one in slices])
     compute = medians([one.compute_ns / 1e3 for one in slices])
     busy = medians([one.busy_ns / 1e3 for one in slices])
     if wake is None or compute is None or busy is None:
         return None
     typical_ns = typical_busy_ns(slices)
-    found = [causes(one, period_ns, typical_ns) for one in slices if len(one.index)]
+    found = [causes(one, period_ns, needs_ns) for one in slices if len(one.index)]
     return Figures(
         wake,
         compute,

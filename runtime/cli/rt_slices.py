@@ -114,8 +114,8 @@ def slice_of(executor: RealTime, sink: TickSink, loop: Loop) -> Slice:
         if number == channel.number:
             tick.load(body)
             busy_ns = logged_ns - tick.now_ns
-            rows.append((tick.index, tick.wake_latency_ns, busy_ns, tick.skipped, tick.compute_ns, tick.cpu_ns))
-    table = np.array(rows, np.int64).reshape(-1, 6)
+            rows.append((tick.index, tick.wake_latency_ns, busy_ns, tick.skipped, tick.compute_ns))
+    table = np.array(rows, np.int64).reshape(-1, 5)
     return Slice(*table[table[:, 0] * loop.period_ns >= STANDING_UP_S * 1e9].T)
 
 
