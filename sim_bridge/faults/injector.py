@@ -30,6 +30,8 @@ from sim_bridge.tick_mirror import TickMirror
 STEADY_NS, STEADY_MPS = 500_000_000, 0.4
 """A robot that has been asked for so long to walk so fast, or faster, is at its speed; one that was given its path anew
 first looks for its place on it."""
+LEFT_M = 5.0
+"""Of its lap: a robot that stands at the end of it while a fault is watched would seem to have been stopped by that."""
 LOOK_NS = 10_000_000
 SILENT_NS = 200_000_000
 """Without a tick for so long, control is called silent."""
@@ -135,7 +137,8 @@ class Injector:
             self._ticks, self._tick_ns = self._mirror.taken, now_ns
         silent = now_ns - self._tick_ns > SILENT_NS
         state = SILENT if silent else Mode(self._safety.mode).name
-        walks = state == Mode.ACTIVE.name and bool(self._gait.walking) and self._command.velocity[0] >= STEADY_MPS
+        on_its_way = self._command.velocity[0] >= STEADY_MPS and self._command.remaining >= LEFT_M
+        walks = state == Mode.ACTIVE.name and bool(self._gait.walking) and on_its_way
         if not walks:
             self._walks_since_ns = None
             if self._strike_ns:  # it stumbled before the moment came: wait until it walks again

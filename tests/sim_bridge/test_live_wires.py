@@ -15,7 +15,7 @@ from drivers.memory_bus import End
 from runtime.robots import load_configuration, topics
 from runtime.signals import BodyCommand, Gait, Mode, Pose, SafetyStatus
 from sim_bridge.faults.buses import bus_down
-from sim_bridge.faults.injector import LOOK_NS, SILENT, STEADY_NS, Injector, Tap
+from sim_bridge.faults.injector import LEFT_M, LOOK_NS, SILENT, STEADY_NS, Injector, Tap
 from sim_bridge.faults.joint_drives import no_replies
 from sim_bridge.faults.live_buses import LiveBuses
 from sim_bridge.faults.live_table import LIVE_ROWS
@@ -147,8 +147,9 @@ class Bench:
     def order(self, **entries):
         os.write(self.orders, json.dumps(entries).encode() + b"\n")
 
-    def walk(self, walking=True, mode=Mode.ACTIVE, speed_mps=0.6):
+    def walk(self, walking=True, mode=Mode.ACTIVE, speed_mps=0.6, left_m=20.0):
         self.safety.mode, self.gait.walking, self.command.velocity[0] = mode, walking, speed_mps
+        self.command.remaining = left_m
 
     def run(self, duration_ns, silent=False):
         for _ in range(duration_ns // MS):
@@ -174,6 +175,8 @@ def test_a_fault_strikes_once_the_robot_has_walked_and_is_undone_on_order(bench)
     bench.walk(walking=False)
     bench.run(2 * STEADY_NS)
     bench.walk(speed_mps=0.1)
+    bench.run(2 * STEADY_NS)
+    bench.walk(left_m=LEFT_M - 0.1)
     bench.run(2 * STEADY_NS)
     assert bench.answers("struck") == []
     bench.walk()
