@@ -70,6 +70,8 @@ def typical_busy_ns(slices: Sequence[Slice]) -> dict[int, int]:
     Of two medians it is the lower.
     """
     index = np.concatenate([one.index for one in slices])
+    if not len(index):
+        return {}
     busy = np.concatenate([one.busy_ns for one in slices])
     order = np.argsort(index, kind="stable")
     numbers, begins, counts = np.unique(index[order], return_index=True, return_counts=True)

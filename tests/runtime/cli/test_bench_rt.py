@@ -162,7 +162,7 @@ def test_without_cyclictest_there_is_no_reference(monkeypatch):
 
 def slice_of(wake_us, compute_us):
     column = np.full(10, 1000)
-    return Slice(np.arange(10), wake_us * column, 2 * compute_us * column, 0 * column, compute_us * column, column)
+    return Slice(np.arange(10), wake_us * column, 2 * compute_us * column, 0 * column, compute_us * column)
 
 
 class Slow:

@@ -34,6 +34,7 @@ def test_what_a_tick_needs_is_the_median_over_the_slices_that_ran_it():
 
 def test_a_single_slice_does_not_tell_what_a_tick_needs():
     assert typical_busy_ns([slice_of((0, 1, 9000, 0))]) == {}
+    assert typical_busy_ns([Slice(*[np.zeros(0, np.int64)] * 5)] * 3) == {}
 
 
 @pytest.mark.parametrize(
