@@ -61,7 +61,10 @@ class DecodeTask(Task):
 
 
 class EncodeTask(Task):
-    """Turns the safe joint command into frames; switches the drives on while the robot is off or being reset.
+    """Turns the safe joint command into frames; switches the drives on while the robot is off or a reset is asked for.
+
+    A fit robot leaves DAMPED with the tick that hears of the reset, and its drives may have been off meanwhile, which
+    not every dialect tells: they are switched on in STANDBY, too.
 
     Args:
         group: the joints; counts in this task's state.
@@ -89,7 +92,8 @@ class EncodeTask(Task):
     def step(self, now_ns: int) -> None:
         """One tick; see `Task`."""
         group, command, output, memory = self._group, self._command, self._output, self.state
-        if self._status.mode == Mode.OFF or (self._status.mode == Mode.DAMPED and self._operator.reset):
+        mode = self._status.mode
+        if mode == Mode.OFF or (mode in (Mode.DAMPED, Mode.STANDBY) and self._operator.reset):
             data = group.enable_frames().view(np.uint8)
             if memory.enabling % DAMPED_EVERY == 0:
                 data = np.concatenate([group.encode_damping().view(np.uint8), data])

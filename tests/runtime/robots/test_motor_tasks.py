@@ -140,7 +140,7 @@ def test_drives_are_enabled_while_off_and_while_reset_only():
             data = as_frames(rig.sent.data)[rig.sent.count - 12 : rig.sent.count]["data"]
             sent[mode, reset] = {row.tobytes() for row in data} == {ENABLE}
     enabling = {key for key, value in sent.items() if value}
-    assert enabling == {(Mode.OFF, False), (Mode.OFF, True), (Mode.DAMPED, True)}
+    assert enabling == {(Mode.OFF, False), (Mode.OFF, True), (Mode.DAMPED, True), (Mode.STANDBY, True)}
 
 
 def test_what_drives_were_told_by_a_control_that_is_gone_does_not_come_to_life_when_they_are_switched_on():
