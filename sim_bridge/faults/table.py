@@ -10,17 +10,15 @@ from runtime.robots.uslgo1.config import NS_PER_SECOND, Uslgo1Config
 from runtime.signals import Fault, Request
 from sim_bridge.courses import scenario
 from sim_bridge.faults import buses, joint_drives, operator, robot, sensors
+from sim_bridge.faults.foreign_rows import foreign_rows
 from sim_bridge.faults.joint_drives import bad_torque
 from sim_bridge.faults.loops import late, spoiled
 from sim_bridge.faults.operator import (
-    FOREIGN,
-    NONSENSE,
     OTHER,
     TAKES_OVER,
     asks_for,
     interrupted,
     operator_says,
-    path_withdrawn_by,
     says,
 )
 from sim_bridge.faults.sensors import silent
@@ -28,12 +26,8 @@ from sim_bridge.faults.table_parts import (
     COASTED,
     IMU_REJECTED,
     LEASES,
-    MALFORMED,
     MS,
-    PATH_FOREIGN,
-    PATH_REJECTED,
     POSE_REJECTED,
-    REFUSED,
     SKIPPED,
     SPIKING,
     at_once,
@@ -233,8 +227,5 @@ ROWS = (
         ticks(2),
         fault=Fault.EMERGENCY_STOP,
     ),
-    WalkRow("events of others", interrupted(*FOREIGN), WALK_ON, at_once, 100 * MS, counted=REFUSED),
-    WalkRow("malformed events", interrupted(*NONSENSE), WALK_ON, at_once, 100 * MS, counted=MALFORMED),
-    WalkRow("malformed path", operator.bad_path, WALK_ON, at_once, 100 * MS, counted=PATH_REJECTED),
-    WalkRow("path withdrawn by another", path_withdrawn_by(OTHER), WALK_ON, at_once, 100 * MS, counted=PATH_FOREIGN),
+    *foreign_rows(WalkRow, WALK_ON),
 )

@@ -28,8 +28,9 @@ from sim_bridge.faults.drive_bounds import (
     twist_old,
     unheard,
 )
+from sim_bridge.faults.foreign_rows import foreign_rows
 from sim_bridge.faults.loops import idle, late, spoiled
-from sim_bridge.faults.operator import FOREIGN, NONSENSE, OTHER, TAKES_OVER, asks_for, interrupted, operator_says, says
+from sim_bridge.faults.operator import OTHER, TAKES_OVER, asks_for, interrupted, operator_says, says
 from sim_bridge.faults.robot import rolled_over
 from sim_bridge.faults.sensors import silent
 from sim_bridge.faults.table_parts import (
@@ -37,12 +38,8 @@ from sim_bridge.faults.table_parts import (
     COASTED,
     IMU_REJECTED,
     LEASES,
-    MALFORMED,
     MS,
-    PATH_FOREIGN,
-    PATH_REJECTED,
     POSE_REJECTED,
-    REFUSED,
     SKIPPED,
     SPIKING,
     at_once,
@@ -229,15 +226,5 @@ VEHICLE_ROWS = (
         rested(ticks(2)),
         fault=Fault.EMERGENCY_STOP,
     ),
-    DriveRow("events of others", interrupted(*FOREIGN), DRIVE_ON, at_once, 100 * MS, counted=REFUSED),
-    DriveRow("malformed events", interrupted(*NONSENSE), DRIVE_ON, at_once, 100 * MS, counted=MALFORMED),
-    DriveRow("malformed path", operator.bad_path, DRIVE_ON, at_once, 100 * MS, counted=PATH_REJECTED),
-    DriveRow(
-        "path withdrawn by another",
-        operator.path_withdrawn_by(operator.OTHER),
-        DRIVE_ON,
-        at_once,
-        100 * MS,
-        counted=PATH_FOREIGN,
-    ),
+    *foreign_rows(DriveRow, DRIVE_ON),
 )
