@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers import bus_socket
 from drivers.can_frame import CAN_FRAME, FRAME_SIZE
 from drivers.dialects import dialect_named
 from drivers.joint_group import JointGroup
@@ -28,6 +29,12 @@ def hubs(tmp_path):
         hub.close()
 
 
+@pytest.fixture
+def roomy_buses(monkeypatch):
+    """Nobody reads the buses while the loops run: room for every frame of a quarter of a second."""
+    monkeypatch.setattr(bus_socket, "SEND_BUFFER_BYTES", 1 << 18)
+
+
 def fail_at_once(now_ns):
     raise ZeroDivisionError("a task that fails")
 
@@ -36,13 +43,14 @@ def last_frames(hubs):
     """The last frame to each drive, in the order of the joints."""
     last = {}
     for bus, hub in enumerate(hubs):
-        raw = hub.receive()
+        raw = b"".join(iter(hub.receive, b""))
         for begin in range(0, len(raw), FRAME_SIZE):
             frame = np.frombuffer(raw[begin : begin + FRAME_SIZE], CAN_FRAME)
             last[bus, int(frame["can_id"][0])] = frame
     return np.concatenate([last[joint.bus, DIALECT.command_id(joint.drive_id)] for joint in JOINTS])
 
 
+@pytest.mark.usefixtures("roomy_buses")
 @pytest.mark.parametrize("loop", ["wbc", "mpc"])
 def test_a_task_that_fails_leaves_the_drives_damped(loop, hubs, tmp_path, monkeypatch):
     robot = assemble(CONFIG)
