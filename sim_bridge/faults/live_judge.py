@@ -24,7 +24,7 @@ from sim_bridge.faults.flaw import Flaw
 from sim_bridge.faults.live_logs import FAST, LiveLogs
 from sim_bridge.faults.live_row import LiveRow
 from sim_bridge.faults.live_session import Episode, Frames
-from sim_bridge.faults.live_table import drives_let_go
+from sim_bridge.faults.live_table import let_go_in_real_time
 from sim_bridge.faults.log_flaws import WHOLE_NS, missing_log
 from sim_bridge.faults.wires import FOREVER_NS
 from sim_bridge.simulation import simulation_of
@@ -192,7 +192,7 @@ def abused(episode: Episode, logs: LiveLogs, config: Uslgo1Config) -> list[Flaw]
 def _still_driven(episode: Episode, times: dict[str, int], config: Uslgo1Config, longest_ns: int) -> list[Flaw]:
     """Drives that were seen not to let go for longer than it takes them by themselves, whatever stalled meanwhile."""
     seen_ns = episode.until_ns - times.get("damp", episode.until_ns)
-    let_go = episode.released_ns is not None or seen_ns <= drives_let_go(config) + longest_ns
+    let_go = episode.released_ns is not None or seen_ns <= let_go_in_real_time(config) + longest_ns
     return [] if let_go else [Flaw(STILL_DRIVEN)]
 
 

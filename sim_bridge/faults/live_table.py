@@ -45,7 +45,7 @@ def carried(bound: Bound) -> Bound:
     return lambda config: bound(config) + CARRIED_NS
 
 
-def drives_let_go(config: Uslgo1Config) -> int:
+def let_go_in_real_time(config: Uslgo1Config) -> int:
     """Until drives that hear nothing damp by themselves, in a world that may be a little late."""
     in_time_ns = config.simulation.command_timeout_ns + config.simulation.time_step_ns + config.loops.wbc_period_ns
     return in_time_ns + LONGEST_LAG_NS
@@ -232,7 +232,7 @@ LIVE_ROWS = (
     LiveRow(
         "control killed",
         DAMP,
-        drives_let_go,
+        let_go_in_real_time,
         act=killed("control"),
         mend=started_again("control"),
         holds_up=("wbc", "mpc"),
@@ -240,7 +240,7 @@ LIVE_ROWS = (
     LiveRow(
         "control stopped, goes on",
         DAMP,
-        drives_let_go,
+        let_go_in_real_time,
         act=stopped("control"),
         mend=continued("control"),
         fault=Fault.STOOD_STILL,
@@ -250,7 +250,7 @@ LIVE_ROWS = (
     LiveRow(
         "control hung, killed",
         DAMP,
-        drives_let_go,
+        let_go_in_real_time,
         act=stopped("control"),
         mend=started_again("control"),
         holds_up=("wbc", "mpc"),

@@ -10,7 +10,7 @@ from runtime.recording.stalls import Stall
 from runtime.robots import topics
 from runtime.signals import Fault, Mode
 from sim_bridge.faults.live_session import Frames
-from sim_bridge.faults.live_table import CARRIED_NS, drives_let_go
+from sim_bridge.faults.live_table import CARRIED_NS, let_go_in_real_time
 
 CRASHED = "control killed at 2.000 s: "
 AT_TICK = AT_NS // PERIOD_NS
@@ -55,7 +55,7 @@ def test_a_kill_that_is_answered_in_time_is_no_finding(story, kill):
 
 
 def test_drives_must_let_go_within_their_time_out_and_a_stall_that_may_be_why_is_named():
-    bound_ms = drives_let_go(CONFIG) // MS
+    bound_ms = let_go_in_real_time(CONFIG) // MS
     assert bound_ms < 30
     assert kills.judge(without_control(), [killed("control", bound_ms)], CONFIG) == []
     late = killed("control", bound_ms + 20)
