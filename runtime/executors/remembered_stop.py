@@ -8,8 +8,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from runtime.executors.shared_memory import SharedMemoryError, SharedReader
-from runtime.executors.shared_ports import EVENT_CELLS, EventPort, shared_file
+from runtime.executors.shared_ports import LATEST_CELLS, EventPort, shared_file
 from runtime.records import Record
+from runtime.robots import topics
 from runtime.signals import OperatorEvent, OperatorRequest, Request
 from runtime.tasks import Loop
 
@@ -18,7 +19,9 @@ KEPT_AS = "emergency_stop"
 
 
 class RememberedStop:
-    """Input port of the operator's events, of which the first may be the stop that an earlier process left behind.
+    """Input port of the operator's events, of which the first may be a stop that was asked of an earlier process.
+
+    That is one that it had taken up, or one that came when it was away: the link keeps the last stop or reset apart.
 
     Args:
         directory: runtime directory, shared with that process and with the link.
@@ -36,28 +39,26 @@ class RememberedStop:
     def read(self, record: Record, now_ns: int) -> bool:
         """Give the next event."""
         assert isinstance(record, OperatorEvent)
+        came = self._events.read(record, now_ns)
         if not self._begun:
-            self._begun, self._left = True, self._kept or self._pressed(record)
+            self._begun, self._left = True, self._kept or self._pressed()
         elif not self._left and self._request.emergency_stop != self._kept:
             self._keep()
-        if self._events.read(record, now_ns):
-            return True
-        if not self._left:
-            return False
+        if came or not self._left:
+            return came
         self._left = False
         record.clear()
         record.stamp_ns, record.request = now_ns, Request.EMERGENCY_STOP
         return True
 
-    def _pressed(self, record: OperatorEvent) -> bool:
-        """Whether a stop came that no process may have seen, of the last ones before this one, and no reset since."""
-        pressed, event = False, record.like()
+    def _pressed(self) -> bool:
+        """Whether a stop is the last that the link kept; no process may have seen it."""
+        event = OperatorEvent(topics.OPERATOR_STOP)
         with suppress(SharedMemoryError):
-            reader = SharedReader(shared_file(self._directory, record.topic), record, EVENT_CELLS)
-            while reader.next(event):
-                pressed = event.request == Request.EMERGENCY_STOP or (pressed and event.request != Request.RESET)
+            reader = SharedReader(shared_file(self._directory, event.topic), event, LATEST_CELLS)
+            reader.latest(event)
             reader.close()
-        return pressed
+        return bool(event.request == Request.EMERGENCY_STOP)
 
     def _keep(self) -> None:
         self._kept = bool(self._request.emergency_stop)

@@ -3,7 +3,8 @@
 
 Requests leave at a bounded rate, in their order. While some wait, a newer one of the same sender and kind takes the
 place of the older. An emergency stop does not wait for other requests and has a rate of its own, so that there are
-never more before it than the few that have left but not been taken.
+never more before it than the few that have left but not been taken. Resets that wait when it comes are dropped: what
+was said before it must not undo it.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class EventOutlet:
         taken_hz: how many requests a second the control loop takes.
 
     Attributes:
-        merged: requests whose place a newer one took, since start.
+        merged: requests whose place a newer one took, or that a stop overtook, since start.
         written: requests that left, since start.
     """
 
@@ -62,6 +63,8 @@ class EventOutlet:
         # stops differ by nothing that counts, so that those of many senders are one
         key = (0 if stop else event.source, event.request)
         with self._lock:
+            if stop:
+                self._drop_resets()
             if self._waiting.pop(key, None) is not None:
                 self.merged += 1
             elif not stop and len(self._waiting) >= MOST_WAITING:
@@ -78,6 +81,11 @@ class EventOutlet:
     def waiting(self) -> int:
         """Requests that wait."""
         return len(self._waiting)
+
+    def _drop_resets(self) -> None:
+        for key in [key for key in self._waiting if key[1] == Request.RESET]:
+            del self._waiting[key]
+            self.merged += 1
 
     def _let_go(self, now_ns: int) -> None:
         stop = (0, Request.EMERGENCY_STOP)

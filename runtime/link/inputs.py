@@ -87,7 +87,14 @@ class Inputs:
             return records[topic], writer.write
 
         record, write = file(event_writer, topics.OPERATOR_EVENT)
-        self.outlet = EventOutlet(record, write, taken_hz)
+        _, keep_stop = file(latest_writer, topics.OPERATOR_STOP)
+
+        def hand_over(event: OperatorEvent) -> None:
+            if event.request in (Request.EMERGENCY_STOP, Request.RESET):
+                keep_stop(event)
+            write(event)
+
+        self.outlet = EventOutlet(record, hand_over, taken_hz)
         poses = {
             "PoseStamped": (definitions.POSE_STAMPED, decode_pose_stamped),
             "PoseWithCovarianceStamped": (
@@ -163,4 +170,5 @@ def records_of(loops: Sequence[Loop]) -> dict[str, Record]:
     """A record of each input's layout."""
     measured = (Imu(topics.IMU), Pose(topics.LOCALIZATION), Battery(topics.BATTERY))
     path = next(r for loop in loops for r in loop.port_inputs if isinstance(r, PathRecord))
-    return {record.topic: record for record in (*measured, path.like(), OperatorEvent(topics.OPERATOR_EVENT))}
+    asked = (OperatorEvent(topics.OPERATOR_EVENT), OperatorEvent(topics.OPERATOR_STOP))
+    return {record.topic: record for record in (*measured, path.like(), *asked)}

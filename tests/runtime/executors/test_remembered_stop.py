@@ -6,11 +6,15 @@ from types import SimpleNamespace
 import pytest
 
 from runtime.executors.remembered_stop import RememberedStop
-from runtime.executors.shared_ports import event_writer
+from runtime.link.event_outlet import Event
+from runtime.link.inputs import Inputs, records_of
+from runtime.robots import assembled, load_configuration, topics
 from runtime.signals import OperatorEvent, OperatorRequest, Request
 
-TOPIC = "/ugv/operator_event"
 TICK_NS = 2_000_000
+TICK_HZ = 500
+CONFIG = load_configuration("uslgo1")
+RECORDS = records_of(assembled(CONFIG).loops)
 
 
 class Control:
@@ -18,7 +22,7 @@ class Control:
 
     def __init__(self, directory, now_ns):
         self.request, self.now_ns, self.taken, self.said = OperatorRequest("/ugv/operator"), now_ns, [], []
-        self._event = OperatorEvent(TOPIC)
+        self._event = OperatorEvent(topics.OPERATOR_EVENT)
         self._port = RememberedStop(directory, [SimpleNamespace(writes=(self.request,))], self.said.append)
 
     def run(self, ticks=8):
@@ -32,19 +36,25 @@ class Control:
 
 
 class Operator:
+    """What he asks for comes through a link, in time for its bounded rate."""
+
     def __init__(self, directory):
-        self._event, self.now_ns = OperatorEvent(TOPIC), 0
-        self._writer = event_writer(directory, self._event)
+        self._inputs, self._at_ns = Inputs(CONFIG.link, RECORDS, directory, TICK_HZ), 0
 
     def says(self, *requests, now_ns):
         for request in requests:
-            self._event.request, self._event.stamp_ns = request, now_ns
-            self._writer.write(self._event)
+            self._at_ns += 4 * TICK_NS
+            self._inputs.outlet.offer(Event(now_ns, 1, 20, request), self._at_ns)
+
+    def close(self):
+        self._inputs.close()
 
 
 @pytest.fixture
 def operator(tmp_path):
-    return Operator(tmp_path)
+    made = Operator(tmp_path)
+    yield made
+    made.close()
 
 
 def test_a_stop_is_given_to_each_control_that_is_started_until_it_is_reset(tmp_path, operator):
@@ -66,6 +76,12 @@ def test_a_stop_that_came_while_control_was_away_is_given_to_the_next(tmp_path, 
     first = Control(tmp_path, 0).run()
     operator.says(Request.EMERGENCY_STOP, Request.LIFE, Request.ARM, now_ns=first.now_ns + 1)
     assert Control(tmp_path, first.now_ns + 2).run().taken == [Request.EMERGENCY_STOP]
+
+
+def test_a_stop_that_came_while_control_was_away_outlives_what_else_is_said_meanwhile(tmp_path, operator):
+    first = Control(tmp_path, 0).run()
+    operator.says(Request.EMERGENCY_STOP, *[Request.LIFE, Request.VELOCITY] * 300, now_ns=first.now_ns + 1)
+    assert Control(tmp_path, first.now_ns + 10**9).run().taken == [Request.EMERGENCY_STOP]
 
 
 def test_a_stop_that_was_reset_is_over(tmp_path, operator):
@@ -90,6 +106,7 @@ def test_a_stop_that_cannot_be_kept_is_told(tmp_path):
     operator.says(Request.EMERGENCY_STOP, now_ns=control.now_ns)
     directory.rename(tmp_path / "away")
     control.run()
+    operator.close()
     assert control.taken == [Request.EMERGENCY_STOP]
     (sentence,) = control.said
     assert sentence.startswith("the emergency stop cannot be kept")

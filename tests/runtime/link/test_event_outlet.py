@@ -126,6 +126,20 @@ def test_an_emergency_stop_passes_when_nothing_else_finds_room():
     assert ring.written[-1] == (Request.EMERGENCY_STOP, 999)
 
 
+def test_a_reset_that_an_emergency_stop_overtakes_does_not_undo_it():
+    way_out, ring = outlet()
+    for _ in range(BURST):
+        way_out.offer(event(Request.LIFE), 0)
+    for request in (Request.RESET, Request.ARM, Request.EMERGENCY_STOP):
+        way_out.offer(event(request), 0)
+    for step in range(10):
+        way_out.flush(step * TICK_NS)
+    assert [request for request, _ in ring.written[BURST:]] == [Request.EMERGENCY_STOP, Request.ARM]
+    assert way_out.merged == 1
+    way_out.offer(event(Request.RESET), TICK_NS * 20)
+    assert ring.written[-1] == (Request.RESET, 1)
+
+
 @given(st.lists(st.integers(0, 3_000_000), min_size=1, max_size=300), st.integers(1, 2000), st.integers(1, 10))
 def test_a_gate_keeps_its_rate_and_lets_a_burst_through(gaps_ns, rate_hz, burst):
     gate, now_ns, passed = RateGate(rate_hz, burst), 0, 0
