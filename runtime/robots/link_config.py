@@ -31,7 +31,7 @@ class LinkConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         path_speed_mps: along a path while nothing came on /path/speed.
         path_speed_max_mps: a higher one is rejected.
         imu_age_max_ns, localization_age_max_ns, battery_age_max_ns, velocity_age_max_ns, path_age_max_ns: an older
-            message is rejected when it arrives.
+            message is rejected when it arrives, and a path when it is taken up, too.
         request_late_max_ns: what an operator asks for is rejected if it was longer on its way than other messages of
             its publisher by more than this; what stops, disarms or releases is not.
         future_max_ns: a message that is stamped further ahead is rejected; one that is less ahead counts as of now.

@@ -36,6 +36,7 @@ class DriveTracker(Task):
         speed: how fast to drive it; None for as fast as bends and the goal allow.
         path, body, wheels, delay, request, safety: records read.
         command: record written.
+        path_age_max_ns: of a path when it is taken up.
     """
 
     name = "tracker"
@@ -53,6 +54,7 @@ class DriveTracker(Task):
         request: OperatorRequest,
         safety: SafetyStatus,
         command: TwistCommand,
+        path_age_max_ns: int,
     ) -> None:
         self._config, self._path, self._body, self._wheels, self._delay = config, path, body, wheels, delay
         self._geometry = geometry
@@ -61,7 +63,7 @@ class DriveTracker(Task):
         self.state: DriveTrackerMemory = DriveTrackerMemory("/ugv/state/tracker", path.sizes)
         self._tracker = VehicleTracker(policy(self.state), config.following, self.state.tracked, speed)
         self._tracker.forget()
-        self._followed = FollowedPath(self.state, self._tracker.take)
+        self._followed = FollowedPath(self.state, self._tracker.take, path_age_max_ns)
 
     def restore(self, data: bytes | memoryview) -> None:
         """Take up a saved state, and the path in it."""
@@ -71,7 +73,7 @@ class DriveTracker(Task):
     def step(self, now_ns: int) -> None:
         """One command; see `Task`."""
         memory, command = self.state, self._command
-        if self._followed.take(self._path, self._request):
+        if self._followed.take(self._path, self._request, now_ns):
             memory.arrived, memory.progress = False, 0.0
             self._tracker.begin()
         body = self._body

@@ -36,28 +36,32 @@ class FollowedPath(Generic[Line]):
     """Takes up paths; one whose contents cannot be followed is counted, and the one before is kept.
 
     A path without waypoints withdraws the one that is followed. The same waypoints sent again only change the speed.
+    A path of long ago, which a control that is started again finds, is counted and not followed: who moves the robot
+    now may not know of it.
     While somebody holds the lease, paths and withdrawals of others are counted and refused for good: who takes the
     lease later sends its path anew. While nobody holds it, anyone may send one.
 
     Args:
         memory: where the path is held.
         make: makes what is followed of waypoints, n x 2, and whether they are closed; a `PathError` refuses them.
+        age_max_ns: of a path when it is taken up.
 
     Attributes:
         line: what is followed, None if there is none.
     """
 
-    def __init__(self, memory: FollowedPathMemory, make: Callable[[Points, bool], Line]) -> None:
-        self._memory, self._make = memory, make
+    def __init__(self, memory: FollowedPathMemory, make: Callable[[Points, bool], Line], age_max_ns: int) -> None:
+        self._memory, self._make, self._age_max_ns = memory, make, age_max_ns
         self.line: Line | None = None
         self._held = self._contents()
 
-    def take(self, path: Path, request: OperatorRequest) -> bool:
+    def take(self, path: Path, request: OperatorRequest, now_ns: int) -> bool:
         """Take up the path signal where its bytes changed; true if another path is followed now, or none any more.
 
         Args:
             path: the signal.
             request: tells who holds the lease.
+            now_ns: the present.
         """
         memory, checksum = self._memory, zlib.crc32(path.to_bytes())
         if checksum == memory.seen_path:
@@ -66,6 +70,9 @@ class FollowedPath(Generic[Line]):
         if is_foreign(path, request):
             memory.rejected_paths += 1
             memory.foreign_paths += 1
+            return False
+        if path.stamp_ns and now_ns - path.stamp_ns > self._age_max_ns:
+            memory.rejected_paths += 1
             return False
         if path.count == 0:
             memory.count, self.line = 0, None

@@ -38,6 +38,7 @@ class PathTracker(Task):
     Args:
         path, body, request, safety: read.
         command: written.
+        path_age_max_ns: of a path when it is taken up.
         config: parameters.
     """
 
@@ -48,6 +49,7 @@ class PathTracker(Task):
         request: OperatorRequest,
         safety: SafetyStatus,
         command: BodyCommand,
+        path_age_max_ns: int,
         config: TrackerConfig | None = None,
     ) -> None:
         self.name = "tracker"
@@ -55,7 +57,7 @@ class PathTracker(Task):
         self._path, self._body, self._command = path, body, command
         self._request, self._safety = request, safety
         self._state = TrackerState("/ugv/state/tracker", path.sizes)
-        self._followed = FollowedPath(self._state, Polyline)
+        self._followed = FollowedPath(self._state, Polyline, path_age_max_ns)
         self.reads = (path, body, request, safety)
         self.writes = (command,)
         self.state = self._state
@@ -68,7 +70,7 @@ class PathTracker(Task):
     def step(self, now_ns: int) -> None:
         """Track the path from the present body state."""
         state, command = self._state, self._command
-        if self._followed.take(self._path, self._request):
+        if self._followed.take(self._path, self._request, now_ns):
             state.arrived = state.turning = False
             state.progress = -1.0 if state.count else 0.0
         dt = (now_ns - state.stamp_ns) * 1e-9 if state.stamp_ns else 0.0

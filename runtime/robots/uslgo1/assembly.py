@@ -171,7 +171,15 @@ def _mpc_loop(config: Uslgo1Config, board: _Board) -> Loop:
     tracking = config.tracker
     if config.variant.controller == "pMW":
         tracking = msgspec.structs.replace(tracking, look_ahead=FIXED_LOOK_AHEAD)
-    tracker = PathTracker(board.path, board.body, board.operator, board.safety, board.command, tracking)
+    tracker = PathTracker(
+        board.path,
+        board.body,
+        board.operator,
+        board.safety,
+        board.command,
+        config.link.path_age_max_ns,
+        tracking,
+    )
     mpc = MpcTask(
         config.quadruped,
         config.mpc,

@@ -94,6 +94,7 @@ def _drive_loop(config: Vehicle4ws4wdConfig, board: _Board) -> Loop:
         board.operator,
         board.safety,
         board.twist,
+        config.link.path_age_max_ns,
     )
     steering = SteeringTask(
         config.vehicle, config.steering, UnitCommandMode.DRIVE, period_ns, board.twist, board.wheels, board.command

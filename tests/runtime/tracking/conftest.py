@@ -19,6 +19,7 @@ from runtime.tracking.tracker import PathTracker
 from runtime.tracking.tracker_config import TrackerConfig
 from runtime.tracking.vehicle_tracker import VehicleTracker
 
+PATH_AGE_MAX_NS = 60_000_000_000
 SIZES = {"path": 512, "foot": 4, "foot_xyz": 12, "joint": 12}
 
 
@@ -51,7 +52,9 @@ class Drive:
         self.path, self.body = Path("path", SIZES), BodyState("body", SIZES)
         self.command = BodyCommand("command", SIZES)
         self.request, self.safety = OperatorRequest("request"), SafetyStatus("safety")
-        self.tracker = PathTracker(self.path, self.body, self.request, self.safety, self.command, self.config)
+        self.tracker = PathTracker(
+            self.path, self.body, self.request, self.safety, self.command, PATH_AGE_MAX_NS, self.config
+        )
         self.x, self.y, self.yaw = self.start
         self.v = self.w = 0.0
         self.ticks = 0

@@ -20,6 +20,7 @@ from runtime.vehicle_signals import CommandDelay, SteeringMode, TwistCommand, Ve
 PERIOD_S = 0.02
 SIZES = {"path": 512, "wheel": 4, "axle_drive": 8, "unit_frame": 6}
 CONFIG = DriveTrackerConfig()
+PATH_AGE_MAX_NS = 60_000_000_000
 
 
 class Vehicle:
@@ -41,6 +42,7 @@ class Vehicle:
             self.request,
             self.safety,
             self.command,
+            PATH_AGE_MAX_NS,
         )
         self.safety.mode, self.request.motion = Mode.ACTIVE, Motion.WALK
         self.now_ns, self.yaw = 1_000_000_000, 0.0

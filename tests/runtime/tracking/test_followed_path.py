@@ -11,6 +11,7 @@ from runtime.tracking.polyline import Polyline
 
 SIZES = {"path": 8}
 ANN, BEN = 11, 22
+AGE_MAX_NS = 1000
 
 
 class Rig:
@@ -18,8 +19,9 @@ class Rig:
 
     def __init__(self) -> None:
         self.path, self.request = Path("/path", SIZES), OperatorRequest("/request")
+        self.now_ns = 1
         self.memory = FollowedPathMemory("/memory", SIZES)
-        self.followed = FollowedPath(self.memory, Polyline)
+        self.followed = FollowedPath(self.memory, Polyline, AGE_MAX_NS)
 
     def hold(self, holder: int | None) -> None:
         self.request.held, self.request.holder = holder is not None, holder or 0
@@ -27,13 +29,14 @@ class Rig:
     def send(self, source: int, goal_m: float | None, speed: float = 0.5) -> bool:
         """A straight path to a goal, or a withdrawal."""
         path = self.path
-        path.stamp_ns, path.source, path.speed = path.stamp_ns + 1, source, speed
+        self.now_ns += 1
+        path.stamp_ns, path.source, path.speed = self.now_ns, source, speed
         path.count = 0 if goal_m is None else 2
         path.x[1] = goal_m or 0.0
         return self.take()
 
     def take(self) -> bool:
-        return self.followed.take(self.path, self.request)
+        return self.followed.take(self.path, self.request, self.now_ns)
 
     @property
     def goal_m(self) -> float | None:
@@ -92,3 +95,14 @@ def test_a_holder_s_path_that_cannot_be_followed_is_not_told_as_another_s(rig):
     rig.hold(ANN)
     rig.send(ANN, 3.0, speed=-1.0)
     assert rig.refused == (1, 0)
+
+
+@pytest.mark.parametrize(("age_ns", "refused"), [(AGE_MAX_NS, 0), (AGE_MAX_NS + 1, 1)])
+def test_a_path_of_long_ago_is_counted_and_not_followed(rig, age_ns, refused):
+    """As it waits for a control that is started again."""
+    rig.path.stamp_ns, rig.path.source, rig.path.speed, rig.path.count = 7, ANN, 0.5, 2
+    rig.path.x[1], rig.now_ns = 3.0, 7 + age_ns
+    assert rig.take() == (not refused)
+    rig.now_ns += AGE_MAX_NS
+    rig.take()
+    assert (rig.goal_m, rig.refused) == (None if refused else 3.0, (refused, 0))

@@ -105,7 +105,7 @@ def steps(run, count):
 def test_restored_in_another_object_it_goes_on_bit_for_bit(drive):
     run = drive(s_curve(), noise_m=0.02, lag_s=0.2)
     steps(run, 1201)
-    twin = PathTracker(run.path, run.body, run.request, run.safety, run.command.like(), run.config)
+    twin = PathTracker(run.path, run.body, run.request, run.safety, run.command.like(), 60_000_000_000, run.config)
     twin.restore(run.tracker.save())
     for _ in range(800):
         run.tick()
