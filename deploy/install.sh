@@ -9,7 +9,7 @@ usage() {
     cat <<'TEXT'
 usage: deploy/install.sh [--robot NAME] [--python PYTHON] [--wheels DIR] [--no-warm-up] [--enable]
 
-  --robot NAME     the robot that this host is in (default uslgo1)
+  --robot NAME     the robot that this host is in (default: the one installed before, or uslgo1)
   --python PYTHON  a Python from 3.10 to 3.13, not below /root or /home (default /usr/bin/python3)
   --wheels DIR     take every package from this directory, nothing from the network
   --no-warm-up     compile the loops at their first start, not now
@@ -19,7 +19,7 @@ DESTDIR=DIR in the environment puts the files below DIR and leaves this host alo
 TEXT
 }
 
-robot=uslgo1 python=/usr/bin/python3 wheels='' warm_up=yes enable=no
+robot='' python=/usr/bin/python3 wheels='' warm_up=yes enable=no
 while [ $# -gt 0 ]; do
     case $1 in
         --robot) robot=${2:?--robot needs a name}; shift ;;
@@ -40,6 +40,8 @@ opt=/opt/ugv
 cache=/var/cache/ugv
 shipped=$opt/shipped.sha256
 units=/etc/systemd/system
+[ -n "$robot" ] || robot=$(sed -n 's/^UGV_ROBOT=//p' "$destdir/etc/ugv/ugv.conf" 2> /dev/null || true)
+robot=${robot:-uslgo1}
 
 say() { printf '%s\n' "$*"; }
 refuse() { printf 'install.sh: %s\n' "$*" >&2; exit 2; }
@@ -99,7 +101,9 @@ put_files() {
         put 644 "$deploy/systemd/$file" "$units/$file"
     done
     put 644 "$deploy/network/60-ugv-can.link" /etc/systemd/network/60-ugv-can.link
-    put 644 "$deploy/network/60-ugv-can.network" /etc/systemd/network/60-ugv-can.network
+    bit_rate=$(sed -n 's/^bit_rate_hz *= *\([0-9_]*\).*/\1/p' "$destdir/etc/ugv/$robot.toml" | tr -d _)
+    sed "s/^BitRate=.*/BitRate=$bit_rate/" "$deploy/network/60-ugv-can.network" > "$work/60-ugv-can.network"
+    put 644 "$work/60-ugv-can.network" /etc/systemd/network/60-ugv-can.network
     put 644 "$deploy/modules-load.d/ugv.conf" /etc/modules-load.d/ugv.conf
     if grep -qs tegra /proc/device-tree/compatible; then
         put 644 "$deploy/modules-load.d/ugv-jetson.conf" /etc/modules-load.d/ugv-jetson.conf

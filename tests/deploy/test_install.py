@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.robots import ROBOTS, configuration_file
+from runtime.robots import ROBOTS, configuration_file, load_configuration
 
 ROOT = Path(__file__).parents[2]
 CONFIGURATION, UNIT = "etc/ugv/uslgo1.toml", "etc/systemd/system/ugv-link.service"
@@ -50,8 +50,9 @@ def staging(tmp_path):
     return Staging(tmp_path)
 
 
-def test_the_second_time_changes_nothing(staging):
-    staging.install()
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_the_second_time_changes_nothing(staging, robot):
+    staging.install("--robot", robot)
     once = staging.tree()
     told = staging.install()
     assert staging.tree() == once
@@ -177,6 +178,18 @@ def test_every_robot_can_be_installed(staging, robot):
     staging.install("--robot", robot)
     assert (staging.root / f"etc/ugv/{robot}.toml").read_bytes() == configuration_file(robot).read_bytes()
     assert f"UGV_ROBOT={robot}\n" in (staging.root / "etc/ugv/ugv.conf").read_text()
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_the_channels_have_the_bit_rate_of_the_robot(staging, robot):
+    network = staging.root / "etc/systemd/network/60-ugv-can.network"
+    staging.install("--robot", robot)
+    bit_rate_hz = load_configuration(robot).drives.bit_rate_hz
+    assert f"\nBitRate={bit_rate_hz}\n" in network.read_text()
+    values = staging.root / f"etc/ugv/{robot}.toml"
+    values.write_text(values.read_text().replace(f"bit_rate_hz = {bit_rate_hz}", "bit_rate_hz = 250_000  # slow"))
+    staging.install()
+    assert "\nBitRate=250000\n" in network.read_text()
 
 
 def step_of_installer(name):
