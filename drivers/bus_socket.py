@@ -4,12 +4,12 @@
 python-can opens and configures the bus; its descriptor is then read and written directly, all frames of a tick by one
 call each way that keeps the interpreter. It is the same for SocketCAN and for a `UnixHub`.
 
-A bus whose link is lost is down, and what is to be sent on it is lost and counted. It is opened anew as soon as its
-link has returned, by a new socket in any case: the interface may have been deleted and made again, and what waits in
-the old one is too old to be believed. Nothing is sent on a bus that is down or off, so that little waits in the kernel
-when it comes back: setting a link down empties its queue, and while a live bus takes nothing (no drive acknowledges)
-the small send buffer lets no more than eight or nine frames wait. Those cannot be recalled; they go out within two
-milliseconds of the return, and what is sent next overrides them.
+A bus whose link is lost, or down at the start, is down, and what is to be sent on it is lost and counted. It is opened
+anew as soon as its link has returned, by a new socket in any case: the interface may have been deleted and made again,
+and what waits in the old one is too old to be believed. Nothing is sent on a bus that is down or off, so that little
+waits in the kernel when it comes back: setting a link down empties its queue, and while a live bus takes nothing (no
+drive acknowledges) the small send buffer lets no more than eight or nine frames wait. Those cannot be recalled; they go
+out within two milliseconds of the return, and what is sent next overrides them.
 
 A frame carries the kernel's time of its reception, brought from the wall clock to the monotonic one.
 """
@@ -26,7 +26,7 @@ import can
 
 from drivers.bus_health import BusHealth, BusState
 from drivers.can_frame import FRAME_SIZE
-from drivers.errors import DriverConfigError
+from drivers.errors import DriverConfigError, LinkDownError
 from drivers.message_batch import SO_RXQ_OVFL, ReceiveBatch, SendBatch
 from drivers.opening import open_bus
 
@@ -51,9 +51,10 @@ class BusSocket:
 
     Attributes:
         health: of the bus.
+        awaited: why it is not open yet, in a sentence; nothing if it is.
 
     Raises:
-        DriverConfigError: if the bus cannot be opened.
+        DriverConfigError: if the bus cannot be opened, but for a link that is down.
     """
 
     def __init__(self, interface: str, channel: str) -> None:
@@ -61,7 +62,12 @@ class BusSocket:
         self.health = BusHealth()
         self._retry_ns = self._emptied_ns = self._overflow_before = 0
         self._receive_batch, self._send_batch = ReceiveBatch(MOST_AT_ONCE), SendBatch(MOST_AT_ONCE)
-        self._take(open_bus(interface, channel))
+        self._bus: can.BusABC | None = None
+        self.awaited = ""
+        try:
+            self._take(open_bus(interface, channel))
+        except LinkDownError as down:
+            self.awaited, self.health.state = str(down), BusState.DOWN
 
     def receive(self, most: int, now_ns: int) -> tuple[bytes, list[int]]:
         """Frames that wait, 16 bytes each, and when each arrived.
@@ -113,11 +119,12 @@ class BusSocket:
 
     def close(self) -> None:
         """Leave the bus."""
-        self._socket.close()
-        self._bus.shutdown()
+        if self._bus is not None:
+            self._socket.close()
+            self._bus.shutdown()
 
     def _take(self, bus: can.BusABC) -> None:
-        self._bus = bus
+        self._bus, self.awaited = bus, ""
         self._socket = socket.socket(fileno=os.dup(bus.fileno()))
         self._socket.setblocking(False)
         self._descriptor = self._socket.fileno()
@@ -164,7 +171,8 @@ class BusSocket:
             bus = open_bus(self._interface, self._channel)
         except DriverConfigError:
             return
-        self._purge()
+        if self._bus is not None:
+            self._purge()
         self.close()
         self._take(bus)
         self._emptied_ns, self._overflow_before = now_ns, self.health.overflow
@@ -183,10 +191,10 @@ class BusSocket:
 
 
 def open_buses(interface: str, channels: Sequence[str]) -> tuple[BusSocket, ...]:
-    """Open the buses of a configuration.
+    """Open the buses of a configuration; one whose link is down is opened as soon as that is up.
 
     Raises:
-        DriverConfigError: if one cannot be opened; then none is.
+        DriverConfigError: if one cannot be opened for another reason; then none is.
     """
     opened: list[BusSocket] = []
     try:

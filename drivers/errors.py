@@ -12,6 +12,10 @@ class DriverConfigError(DriverError):
     """A configuration that contradicts itself or that the drive or the bus cannot carry."""
 
 
+class LinkDownError(DriverConfigError):
+    """A bus whose link is down, and may come up."""
+
+
 class NonFiniteError(DriverError):
     """A value that is NaN or infinite was to be encoded."""
 

@@ -10,7 +10,7 @@ import struct
 
 import can
 
-from drivers.errors import DriverConfigError
+from drivers.errors import DriverConfigError, LinkDownError
 
 SOCKETCAN, UNIX = "socketcan", "ugv-unix"
 """Interfaces of python-can by which buses are opened: the kernel's, and a `UnixHub`."""
@@ -23,7 +23,6 @@ _REASONS = {
     errno.EPERM: _FORBIDDEN,
     errno.EACCES: _FORBIDDEN,
     errno.ENODEV: "there is no such CAN interface",
-    errno.ENETDOWN: "the CAN interface is down",
 }
 
 _SIOCGIFFLAGS = 0x8913
@@ -39,7 +38,8 @@ def open_bus(interface: str, channel: str) -> can.BusABC:
         channel: name of the CAN interface, or path of the hub's socket.
 
     Raises:
-        DriverConfigError: if it cannot be opened, or the interface is down.
+        LinkDownError: if the interface is down.
+        DriverConfigError: if it cannot be opened for another reason.
     """
     try:
         if interface == SOCKETCAN:
@@ -55,7 +55,8 @@ def _require_link(channel: str) -> None:
     """Refuse what python-can would complain of in its own log, or would accept although nothing can be sent.
 
     Raises:
-        OSError: if there is no such link, or it is down.
+        OSError: if there is no such link.
+        LinkDownError: if it is down.
     """
     with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as asker:
         try:
@@ -63,4 +64,4 @@ def _require_link(channel: str) -> None:
         except (OSError, struct.error):
             raise OSError(errno.ENODEV, "") from None
     if not _IFREQ_FLAGS.unpack(answer)[1] & _IFF_UP:
-        raise OSError(errno.ENETDOWN, "")
+        raise LinkDownError(f"{channel}: the CAN interface is down")

@@ -55,9 +55,12 @@ def control(
         say: likewise.
 
     Raises:
-        DriverConfigError: if a bus cannot be opened.
+        DriverConfigError: if a bus cannot be opened, but for one whose link is down: the others' drives are damped.
     """
     buses = open_buses(interface, channels)
+    for bus in buses:
+        if bus.awaited:
+            say(f"{bus.awaited}; the robot can be reset when it is up")
     try:
         inputs: dict[str, InputPort] = {
             topics.CAN_RECEIVED: SocketReader(buses),

@@ -5,6 +5,7 @@ import socket
 import sys
 import threading
 import time
+from contextlib import closing
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,7 +17,7 @@ from drivers import bus_socket
 from drivers.bus_health import BusState
 from drivers.bus_socket import MOST_AT_ONCE, RETRY_NS, BusSocket, open_buses
 from drivers.can_frame import CAN_ERR_FLAG, CAN_FRAME, FRAME_SIZE, make_frames
-from drivers.errors import DriverConfigError, FrameError
+from drivers.errors import DriverConfigError, FrameError, LinkDownError
 from drivers.message_batch import SO_TIMESTAMPNS
 from drivers.opening import SOCKETCAN, UNIX
 from drivers.socket_ports import SocketReader, SocketWriter
@@ -435,6 +436,37 @@ def test_if_one_bus_cannot_be_opened_none_is(tmp_path):
     assert hub.receive() == b""
     assert hub._ends == []
     hub.close()
+
+
+def test_a_bus_whose_link_is_down_at_the_start_is_opened_when_it_is_up(monkeypatch):
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    links = iter([LinkDownError("can0: is down"), LinkDownError("can0: is down"), Plain(ours)])
+
+    def open_bus(interface, channel):
+        found = next(links)
+        if isinstance(found, LinkDownError):
+            raise found
+        return found
+
+    monkeypatch.setattr(bus_socket, "open_bus", open_bus)
+    frame = make_frames([4], 8).tobytes()
+    with theirs, closing(BusSocket(UNIX, "can0")) as bus:
+        assert (bus.health.state, bus.awaited) == (BusState.DOWN, "can0: is down")
+        bus.send(frame, 0)
+        assert bus.receive(8, RETRY_NS) == (b"", [])
+        assert (bus.health.state, bus.health.failed) == (BusState.DOWN, 1)
+        bus.receive(8, 2 * RETRY_NS)
+        assert (bus.health.state, bus.awaited, bus.health.purged) == (BusState.UP, "", 0)
+        bus.send(frame, 2 * RETRY_NS)
+        assert theirs.recv(64) == frame
+
+
+def test_a_bus_that_never_came_up_is_left(monkeypatch):
+    def down(interface, channel):
+        raise LinkDownError("can0: is down")
+
+    monkeypatch.setattr(bus_socket, "open_bus", down)
+    BusSocket(UNIX, "can0").close()
 
 
 def test_a_hub_that_hangs_does_not_hang_those_who_look_for_it(tmp_path):

@@ -105,7 +105,8 @@ def check_channel(channel: str, bit_rate_hz: int, link: Link | None) -> Finding:
         return fail(name, "is not a CAN interface", "name a CAN channel in drives.channels")
     if link.bit_rate_hz != bit_rate_hz:
         sentence = f"runs at {link.bit_rate_hz} bit/s, and the drives at {bit_rate_hz}"
-        return fail(name, sentence, f"ip link set {channel} down; ip link set {channel} up type can bitrate {bit_rate_hz}")
+        remedy = f"ip link set {channel} down; ip link set {channel} up type can bitrate {bit_rate_hz}"
+        return fail(name, sentence, remedy)
     if not link.up:
         return fail(name, "is down", f"ip link set {channel} up, or {NETWORK_FILES}")
     if link.state == "BUS-OFF":
