@@ -103,7 +103,8 @@ def _of_the_wires(config: RobotConfig, unit: Limits | None) -> Iterator[Finding]
     yield buses.check_loads(config.bus_loads(), MAX_BUS_LOAD)
     if config.link.zenoh_config:
         file = Path(config.link.zenoh_config)
-        yield zenoh_file.check_file(file, unit, zenoh_file.may_read(file, unit), zenoh_file.read_refusal(file))
+        readable, refusal = zenoh_file.may_read(file, unit), zenoh_file.read_refusal(file)
+        yield zenoh_file.check_file(file, unit, readable, refusal, refusal == "" and zenoh_file.is_open(file))
     else:
         free = [endpoints.is_free(text) for text in config.link.listen]
         yield from endpoints.check_endpoints(config.link.listen, free, endpoints.link_is_running())

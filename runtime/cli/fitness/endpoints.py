@@ -12,6 +12,7 @@ from typing import NamedTuple
 from runtime.cli.fitness.finding import Finding, fail, ok
 
 UNIT = "ugv-link.service"
+OPEN = "other hosts can reach it, and whoever does commands the robot"
 _PATIENCE_S = 3
 
 
@@ -82,9 +83,8 @@ def check_endpoints(listen: Sequence[str], free: Sequence[bool], running: bool) 
         if found is None:
             yield ok(name, "is not a port of this host")
         elif not is_loopback(found.host):
-            sentence = "other hosts can reach it, and whoever does commands the robot"
             remedy = "listen on 127.0.0.1, or name a file with certificates and access control in link.zenoh_config"
-            yield fail(name, sentence, remedy)
+            yield fail(name, OPEN, remedy)
         elif not one_is_free and not running:
             sentence = "cannot be listened on: something else does, or the address is not of this host"
             yield fail(name, sentence, "stop what listens there, or change link.listen")

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The file of zenoh's own that configures the link: may the link read it, and does zenoh take it."""
+"""The file of zenoh's own that configures the link: may the link read it, does zenoh take it, whom does it let in."""
 
 from __future__ import annotations
 
+import json
 import os
 import pwd
 from collections.abc import Collection
 from pathlib import Path
 
-from runtime.cli.fitness.endpoints import UNIT
+from runtime.cli.fitness.endpoints import OPEN, UNIT, endpoint, is_loopback
 from runtime.cli.fitness.finding import Finding, fail, ok, warn
 from runtime.cli.fitness.scheduling import Limits
 
@@ -49,7 +50,22 @@ def read_refusal(file: Path) -> str | None:
     return ""
 
 
-def check_file(path: Path, unit: Limits | None, readable: bool, refusal: str | None) -> Finding:
+def is_open(file: Path) -> bool:
+    """Whether a file that zenoh takes lets other hosts in, and there do all that it does not forbid."""
+    from runtime.messages.session import session_config
+
+    config = session_config((), (), file)
+    mode, access = json.loads(config.get_json("mode")), json.loads(config.get_json("access_control"))
+    places = json.loads(config.get_json("listen/endpoints")) or []
+    if isinstance(places, dict):
+        places = places.get(mode) or []
+    found = [endpoint(place) for place in places]
+    reachable = any(place is not None and not is_loopback(place.host) for place in found)
+    denies = access["enabled"] and access["default_permission"] == "deny"
+    return reachable and not denies
+
+
+def check_file(path: Path, unit: Limits | None, readable: bool, refusal: str | None, opens: bool) -> Finding:
     """The link can be configured by it.
 
     Args:
@@ -57,6 +73,7 @@ def check_file(path: Path, unit: Limits | None, readable: bool, refusal: str | N
         unit: limits of the units, if they are installed.
         readable: by who runs the link.
         refusal: why zenoh does not take it, nothing if it does, None if that is not known.
+        opens: whether anybody on another host may do anything.
     """
     if not readable:
         sentence = f"{path} cannot be read by {'you' if unit is None else f'{UNIT}, whose user is {USER}'}"
@@ -66,4 +83,7 @@ def check_file(path: Path, unit: Limits | None, readable: bool, refusal: str | N
         return warn(_NAME, sentence, "run ugv doctor as root, or in the group ugv")
     if refusal:
         return fail(_NAME, refusal, "correct it; /etc/ugv/zenoh has files to begin with")
+    if opens:
+        remedy = "give it an access control that denies by default; /etc/ugv/zenoh has files to begin with"
+        return fail(_NAME, f"by {path} {OPEN}", remedy)
     return ok(_NAME, f"is configured by {path}")

@@ -95,16 +95,44 @@ def test_what_zenoh_does_not_take_is_told_in_one_sentence_without_passwords(cont
 
 
 @pytest.mark.parametrize(
-    ("unit", "readable", "refusal", "verdict", "part"),
+    ("unit", "readable", "refusal", "opens", "verdict", "part"),
     [
-        (UNIT, True, "", Verdict.OK, "is configured by"),
-        (UNIT, False, "", Verdict.FAIL, "ugv-link.service, whose user is ugv"),
-        (None, False, None, Verdict.FAIL, "by you"),
-        (UNIT, True, None, Verdict.WARN, "not known"),
-        (UNIT, True, "robot-tls.json5: not valid", Verdict.FAIL, "not valid"),
+        (UNIT, True, "", False, Verdict.OK, "is configured by"),
+        (UNIT, False, "", False, Verdict.FAIL, "ugv-link.service, whose user is ugv"),
+        (None, False, None, False, Verdict.FAIL, "by you"),
+        (UNIT, True, None, False, Verdict.WARN, "not known"),
+        (UNIT, True, "robot-tls.json5: not valid", False, Verdict.FAIL, "not valid"),
+        (UNIT, True, "", True, Verdict.FAIL, "whoever does commands the robot"),
     ],
 )
-def test_a_configuration_of_zenoh_has_to_be_readable_and_zenohs(unit, readable, refusal, verdict, part):
-    finding = zenoh_file.check_file(Path("/etc/ugv/zenoh/robot-tls.json5"), unit, readable, refusal)
+def test_a_configuration_of_zenoh_has_to_be_readable_and_zenohs_and_not_open(
+    unit, readable, refusal, opens, verdict, part
+):
+    finding = zenoh_file.check_file(Path("/etc/ugv/zenoh/robot-tls.json5"), unit, readable, refusal, opens)
     assert (finding.verdict, bool(finding.remedy)) == (verdict, verdict is not Verdict.OK)
     assert all(word in finding.sentence for word in ("robot-tls.json5", part))
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.name)
+def test_no_file_that_is_shipped_lets_everybody_in(file):
+    assert not zenoh_file.is_open(file)
+
+
+@pytest.mark.parametrize(
+    ("listen", "access", "opens"),
+    [
+        ('["tcp/0.0.0.0:7447"]', "{}", True),
+        ('["tcp/127.0.0.1:7447", "tls/[::]:7448"]', "{}", True),
+        ('["tcp/127.0.0.1:7447", "tcp/[::1]:7448", "unixpipe//run/pipe"]', "{}", False),
+        ('["tls/0.0.0.0:7448"]', '{ enabled: true, default_permission: "deny" }', False),
+        ('["tls/0.0.0.0:7448"]', '{ enabled: true, default_permission: "allow" }', True),
+        ('["tls/0.0.0.0:7448"]', '{ enabled: false, default_permission: "deny" }', True),
+        ('{ peer: [], router: ["tcp/0.0.0.0:7447"] }', "{}", False),
+        ('{ peer: ["tcp/robot.local:7447"] }', "{}", True),
+    ],
+)
+def test_a_file_is_open_if_it_lets_other_hosts_in_and_denies_nothing(listen, access, opens, place):
+    file = place / "robot.json5"
+    file.write_text(f'{{ mode: "peer", listen: {{ endpoints: {listen} }}, access_control: {access} }}')
+    assert zenoh_file.read_refusal(file) == ""
+    assert zenoh_file.is_open(file) == opens
