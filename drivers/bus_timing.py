@@ -122,7 +122,8 @@ class Timetable:
         start: empty buses.
         send: (situation, end, heads, buses, ready) -> `Sending`; the heads as `patterns.heads` gives them, the bytes of
             the bus indices (uint8), one time for all or the bytes of the times (int64).
-        receive: (situation, end, until, limit) -> `Delivery`; at most `limit` frames if it is not None.
+        receive: (situation, end, until, limit) -> `Delivery`; at most `limit` frames of each bus if it is
+            not None.
     """
 
     def __init__(self, buses: int, bit_rate: int, queue_capacity: int, receive_capacity: int) -> None:
@@ -176,8 +177,8 @@ class Timetable:
                 lost[receiver].append(frame.bus)
         for queue in queues:
             queue.sort()
-        taken = [frame for frame in queues[end] if frame.arrival_ns <= until_ns][:limit]
-        del queues[end][: len(taken)]
+        taken = _oldest(queues[end], until_ns, limit)
+        queues[end][:] = [frame for frame in queues[end] if frame not in taken]
         return self._delivery(free, waiting, queues, taken, until_ns, (tuple(lost[0]), tuple(lost[1])))
 
     def _delivery(
@@ -223,6 +224,15 @@ def _carry(waiting: list[Waiting], free_ns: int, until_ns: int) -> tuple[int, li
         waiting.remove(first)
         carried.append((Arrived(free_ns, first.bus, first.row), 1 - first.sender))
     return free_ns, carried
+
+
+def _oldest(queue: Sequence[Arrived], until_ns: int, limit: int | None) -> list[Arrived]:
+    """Of the frames, in order of arrival, those that have arrived: of each bus at most so many."""
+    taken: list[Arrived] = []
+    for frame in queue:
+        if frame.arrival_ns <= until_ns and (limit is None or sum(one.bus == frame.bus for one in taken) < limit):
+            taken.append(frame)
+    return taken
 
 
 def _rows(rows: Sequence[int]) -> Rows:

@@ -125,7 +125,7 @@ class MemoryBus:
         Args:
             end: the receiver.
             until_ns: ns.
-            limit: at most so many frames, the oldest; the rest stays.
+            limit: at most so many frames of each bus, the oldest; the rest stays.
         """
         if self._situation.idle:
             return _NOTHING

@@ -45,14 +45,16 @@ class MemoryReader:
     def read(self, record: FrameBatch, now_ns: int) -> bool:
         """Replace the content of the batch by what arrived up to `now_ns`; what does not fit waits for the next read.
 
+        Each bus has the same share of the room, as `SocketReader` gives it; the flood of one is its health's backlog.
+
         Returns:
             Whether the batch changed; it stays as it is if nothing arrived and it was empty.
         """
-        capacity = len(record.bus)
-        frames, bus, arrival_ns = self._bus.receive(End.HOST, now_ns, capacity)
+        share = len(record.bus) // len(self._bus.health)
+        frames, bus, arrival_ns = self._bus.receive(End.HOST, now_ns, share)
         raw = frames.tobytes()
         heed_errors(raw, bus, self._bus.health)
-        if self._any_backlog or len(bus) == capacity:
+        if self._any_backlog or len(bus) >= share:
             self._note_backlog()
         return fill(record, now_ns, raw, bus, arrival_ns, self._bus.lost(End.HOST))
 

@@ -115,7 +115,7 @@ ROWS = (
     WalkRow("replies missing", joint_drives.no_replies, DAMP, unanswered, fault=Fault.STALE_MOTOR),
     WalkRow("bus down", buses.bus_down, DAMP, ticks(2), fault=Fault.BUS),
     WalkRow("bus-off", buses.bus_off, DAMP, ticks(3), fault=Fault.BUS),
-    WalkRow("bus flooded", buses.flooded(32), DAMP, unanswered),
+    WalkRow("bus flooded", buses.flooded(32), DAMP, ticks(3), fault=Fault.BUS),
     WalkRow("bus full", buses.bus_full, DAMP, ticks(3), fault=Fault.BUS),
     WalkRow("motor fault", joint_drives.drive_error, DAMP, ticks(3), fault=Fault.MOTOR_FAULT),
     WalkRow(

@@ -133,12 +133,14 @@ def test_buses_in_memory_report_what_they_have_no_room_for():
 
 def test_buses_in_memory_report_a_backlog_while_it_lasts():
     bus, reader, monitor, record = rig()
-    bus.send(End.DEVICE, np.array([1] * 5, np.uint8), make_frames([1] * 5, 8), 0)
+    bus.send(End.DEVICE, np.array([1, 1, 1, 0, 0], np.uint8), make_frames([1, 1, 1, 7, 7], 8), 0)
     frames = batch(capacity=4)
     reader.read(frames, LATE)
+    assert sorted(frames.bus[: frames.count].tolist()) == [0, 0, 1, 1], "each has its share"
     assert monitor.read(record, LATE)
     assert record.backlog.tolist() == [False, True]
     reader.read(frames, LATE + 1)
+    assert frames.bus[: frames.count].tolist() == [1]
     assert monitor.read(record, LATE + 1)
     assert not record.backlog.any()
 
@@ -146,7 +148,7 @@ def test_buses_in_memory_report_a_backlog_while_it_lasts():
 def test_what_has_not_arrived_yet_is_no_backlog():
     bus, reader, monitor, record = rig()
     bus.send(End.DEVICE, np.array([0] * 3, np.uint8), make_frames([1] * 3, 8), 0)
-    reader.read(batch(capacity=2), 2 * 135_000)
+    reader.read(batch(capacity=4), 2 * 135_000)
     assert not monitor.read(record, 2 * 135_000)
 
 
