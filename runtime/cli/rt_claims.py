@@ -50,7 +50,7 @@ def claims(condition: str, ours: Figures | None, bare: Figures | None, reference
 def _late(says: str, ours: Figures, bare: Figures | None) -> Claim:
     if bare is None:
         return Claim(says, f"{ours.late_percent:.3g} %, no bare loop", None)
-    measured = f"{ours.late_percent:.3g} % to {bare.late_percent:.3g} %"
+    measured = f"{ours.late_percent:.2g} % to {bare.late_percent:.2g} %; in all {ours.late} to {bare.late}"
     return Claim(says, measured, ours.late_percent <= bare.late_percent)
 
 

@@ -27,7 +27,7 @@ class Figures:
         dearest_us: the longest of the ticks' medians, None of a single slice.
         late_percent, interrupted_percent: of the periods overran by a late wake (of a loop without tasks: would have),
             or since their tick was kept from its processor; medians over the slices.
-        own: overruns by the loop's own compute, in all slices together.
+        late, own: overruns by a late wake, and by the loop's own compute, in all slices together.
         ticks: of all slices together.
     """
 
@@ -37,6 +37,7 @@ class Figures:
     dearest_us: float | None
     late_percent: float
     interrupted_percent: float
+    late: int
     own: int
     ticks: int
 
@@ -63,6 +64,7 @@ def figures_of(slices: Sequence[Slice], period_ns: int, needs_ns: Mapping[int, i
         max(typical_ns.values()) / 1e3 if typical_ns else None,
         float(np.median([100.0 * one.late_wake / one.periods for one in found])),
         float(np.median([100.0 * one.interrupted / one.periods for one in found])),
+        sum(one.late_wake for one in found),
         sum(one.own for one in found),
         sum(len(one.index) for one in slices),
     )

@@ -37,7 +37,7 @@ def test_figures_are_medians_over_the_slices():
     assert figures.wake_us == pytest.approx((20.0,) * 3)
     assert figures.compute_us == pytest.approx((200.0,) * 3)
     assert figures.busy_us == pytest.approx((220.0,) * 3)
-    assert (figures.dearest_us, figures.own, figures.ticks) == (220.0, 0, 30)
+    assert (figures.dearest_us, figures.late, figures.own, figures.ticks) == (220.0, 0, 0, 30)
 
 
 def test_no_slice_with_a_tick_has_no_figures():
@@ -71,6 +71,13 @@ def test_no_slice_with_a_tick_has_no_figures():
 )
 def test_a_claim_is_kept_if_its_figures_are_within_its_bound(ours, bare, verdicts):
     assert kept(ours, bare) == verdicts
+
+
+def test_late_wakes_are_told_as_a_median_and_in_all():
+    slices = [slice_of(), slice_of(), slice_of(overrun=LATE)]
+    ours = figures_of(slices, PERIOD_NS, typical_busy_ns(slices))
+    late = claims("", ours, figures_of([slice_of()] * 3, PERIOD_NS, {}), None)[1]
+    assert (late.measured, late.kept) == ("0 % to 0 %; in all 1 to 0", True)
 
 
 def test_what_was_not_measured_is_not_shown(capsys):
