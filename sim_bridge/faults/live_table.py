@@ -37,6 +37,9 @@ BUS_BACK_NS = 300 * MS
 """After so long a bus that was lost is back, so that the robot can be reset."""
 OVERRUN_NS, OVERRUNS = 4 * MS, 20
 """How long the fast loop is held before a tick, and before how many; between two of them one may come on time."""
+DERATES = {"safety.motor_fault": "derate", "safety.voltage": "derate"}
+DAMPS = {"safety.temperature": "damp", "safety.saturation": "damp"}
+"""Configured answers that one robot each shows."""
 REJECTED_MESSAGES = (STATUS, "rejected")
 
 
@@ -102,14 +105,14 @@ LIVE_ROWS = (
     on_the_wires("bus flooded", lasts_ns=BUS_BACK_NS),
     on_the_wires("malformed frames"),
     on_the_wires("motor fault"),
-    on_the_wires("motor fault, derated"),
+    on_the_wires("motor fault, derated", settings=DERATES),
     on_the_wires("over-temperature"),
-    on_the_wires("over-temperature, damped"),
+    on_the_wires("over-temperature, damped", settings=DAMPS),
     on_the_wires("torque saturated"),
-    on_the_wires("torque saturated, damped"),
+    on_the_wires("torque saturated, damped", settings=DAMPS),
     on_the_wires("leg out of range"),
     on_the_wires("under-voltage"),
-    on_the_wires("under-voltage, derated"),
+    on_the_wires("under-voltage, derated", settings=DERATES),
     on_the_wires("IMU silent"),
     on_the_wires("IMU frozen"),
     on_the_wires("IMU NaN", fault=Fault.STALE_IMU, counted=REJECTED_MESSAGES),

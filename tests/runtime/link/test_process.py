@@ -24,7 +24,7 @@ from runtime.messages.battery import BatteryMessage
 from runtime.messages.imu import ImuMessage
 from runtime.messages.keys import Node, data_key
 from runtime.messages.path import PathMessage
-from runtime.messages.session import SessionError
+from runtime.messages.session import Publisher, SessionError
 from runtime.messages.standard import encode_string
 from runtime.messages.twist import TwistStampedMessage
 from runtime.robots import topics
@@ -143,16 +143,19 @@ def test_an_operator_s_messages_become_requests_of_one_source(link, until, inbox
     def take() -> bool:
         while port.read(event, time.monotonic_ns()):
             found[event.request, event.priority] = (event.source, event.motion, event.velocity.tolist())
-        return len(found) == len(sent)
+        return len(found) == len(said)
 
     with link.peer() as operator:
-        publishers = [(operator.publisher(topic, name), payload) for topic, name, payload, _ in sent]
+        said: list[tuple[Publisher, bytes]] = []
 
         def send() -> None:
-            for publisher, payload in publishers:
+            for publisher, payload in said:
                 publisher.put(payload)
 
-        until(take, send)
+        *others, stop = [(operator.publisher(topic, name), payload) for topic, name, payload, _ in sent]
+        for more in (others, [stop]):  # the stop last, since resets that wait when it comes are dropped
+            said += more
+            until(take, send)
     assert {request for request, _ in found} == {request for *_, request in sent}
     assert len({source for source, *_ in found.values()}) == 1, "one operator is one source"
     config = link.setup.config
