@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.xdist_group("drive")
+
 
 @pytest.fixture(scope="module")
 def drive(ugv, tmp_path_factory):
