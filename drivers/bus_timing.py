@@ -122,8 +122,7 @@ class Timetable:
         start: empty buses.
         send: (situation, end, heads, buses, ready) -> `Sending`; the heads as `patterns.heads` gives them, the bytes of
             the bus indices (uint8), one time for all or the bytes of the times (int64).
-        receive: (situation, end, until, limit) -> `Delivery`; at most `limit` frames of each bus if it is
-            not None.
+        receive: (situation, end, until, limit) -> `Delivery`; of each bus at most `limit` frames if it is not None.
     """
 
     def __init__(self, buses: int, bit_rate: int, queue_capacity: int, receive_capacity: int) -> None:

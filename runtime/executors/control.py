@@ -58,10 +58,10 @@ def control(
         DriverConfigError: if a bus cannot be opened, but for one whose link is down: the others' drives are damped.
     """
     buses = open_buses(interface, channels)
-    for bus in buses:
-        if bus.awaited:
-            say(f"{bus.awaited}; the robot can be reset when it is up")
     try:
+        for bus in buses:
+            if bus.awaited:
+                say(f"{bus.awaited}; the robot can be reset when it is up")
         inputs: dict[str, InputPort] = {
             topics.CAN_RECEIVED: SocketReader(buses),
             topics.BUS_STATUS: BusMonitor([bus.health for bus in buses]),

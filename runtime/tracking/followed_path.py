@@ -37,9 +37,8 @@ class FollowedPath(Generic[Line]):
 
     A path without waypoints withdraws the one that is followed. The same waypoints sent again only change the speed.
     A path of long ago, which a control that is started again finds, is counted and not followed: who moves the robot
-    now may not know of it.
-    While somebody holds the lease, paths and withdrawals of others are counted and refused for good: who takes the
-    lease later sends its path anew. While nobody holds it, anyone may send one.
+    now may not know of it. While somebody holds the lease, paths and withdrawals of others are counted and refused
+    for good: who takes the lease later sends its path anew. While nobody holds it, anyone may send one.
 
     Args:
         memory: where the path is held.

@@ -5,7 +5,6 @@ import socket
 import sys
 import threading
 import time
-from contextlib import closing
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,9 +16,9 @@ from drivers import bus_socket
 from drivers.bus_health import BusState
 from drivers.bus_socket import MOST_AT_ONCE, RETRY_NS, BusSocket, open_buses
 from drivers.can_frame import CAN_ERR_FLAG, CAN_FRAME, FRAME_SIZE, make_frames
-from drivers.errors import DriverConfigError, FrameError, LinkDownError
+from drivers.errors import FrameError
 from drivers.message_batch import SO_TIMESTAMPNS
-from drivers.opening import SOCKETCAN, UNIX
+from drivers.opening import UNIX
 from drivers.socket_ports import SocketReader, SocketWriter
 from drivers.unix_hub import UnixHub
 
@@ -424,66 +423,3 @@ def test_a_clock_that_is_set_meanwhile_moves_a_stamp_no_further_than_the_reads(s
     monkeypatch.setattr(bus_socket, "time", clock)
     now_ns = time.monotonic_ns()
     assert bus.receive(8, now_ns)[1] == [now_ns if where == "at the present" else last_ns]
-
-
-# -- opening ----------------------------------------------------------------------------------------------------------
-
-
-def test_if_one_bus_cannot_be_opened_none_is(tmp_path):
-    hub = UnixHub(tmp_path / "can0")
-    with pytest.raises(DriverConfigError, match="can1: no CAN hub at"):
-        open_buses(UNIX, [str(hub.path), str(tmp_path / "can1")])
-    assert hub.receive() == b""
-    assert hub._ends == []
-    hub.close()
-
-
-def test_a_bus_whose_link_is_down_at_the_start_is_opened_when_it_is_up(monkeypatch):
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    links = iter([LinkDownError("can0: is down"), LinkDownError("can0: is down"), Plain(ours)])
-
-    def open_bus(interface, channel):
-        found = next(links)
-        if isinstance(found, LinkDownError):
-            raise found
-        return found
-
-    monkeypatch.setattr(bus_socket, "open_bus", open_bus)
-    frame = make_frames([4], 8).tobytes()
-    with theirs, closing(BusSocket(UNIX, "can0")) as bus:
-        assert (bus.health.state, bus.awaited) == (BusState.DOWN, "can0: is down")
-        bus.send(frame, 0)
-        assert bus.receive(8, RETRY_NS) == (b"", [])
-        assert (bus.health.state, bus.health.failed) == (BusState.DOWN, 1)
-        bus.receive(8, 2 * RETRY_NS)
-        assert (bus.health.state, bus.awaited, bus.health.purged) == (BusState.UP, "", 0)
-        bus.send(frame, 2 * RETRY_NS)
-        assert theirs.recv(64) == frame
-
-
-def test_a_bus_that_never_came_up_is_left(monkeypatch):
-    def down(interface, channel):
-        raise LinkDownError("can0: is down")
-
-    monkeypatch.setattr(bus_socket, "open_bus", down)
-    BusSocket(UNIX, "can0").close()
-
-
-def test_a_hub_that_hangs_does_not_hang_those_who_look_for_it(tmp_path):
-    hub = UnixHub(tmp_path / "can0")
-    opened = []
-    with pytest.raises(DriverConfigError, match="can0: no CAN hub at"):
-        for _ in range(100):
-            opened += open_buses(UNIX, [str(hub.path)])
-    for bus in opened:
-        bus.close()
-    hub.close()
-
-
-@pytest.mark.parametrize("channel", ["nocan9", "a-name-longer-than-any-interface", "", "c\N{MICRO SIGN}n0"])
-def test_an_interface_that_is_not_there_is_refused_in_one_sentence(channel):
-    with pytest.raises(
-        DriverConfigError, match=r"there is no such CAN interface|the kernel gives no CAN socket"
-    ) as refused:
-        open_buses(SOCKETCAN, [channel])
-    assert "\n" not in str(refused.value)

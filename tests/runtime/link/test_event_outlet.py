@@ -41,6 +41,19 @@ def event(request: Request, source: int = 1) -> Event:
     return Event(7, source, 20, request)
 
 
+def busy_outlet() -> tuple[EventOutlet, Ring]:
+    """One that has let go what leaves at once."""
+    way_out, ring = outlet()
+    for _ in range(BURST):
+        way_out.offer(event(Request.LIFE), 0)
+    return way_out, ring
+
+
+def empty(way_out: EventOutlet) -> None:
+    for step in range(20):
+        way_out.flush(step * TICK_NS)
+
+
 def test_a_request_leaves_at_once_with_all_it_says():
     seen = []
     way_out = EventOutlet(OperatorEvent("/event"), lambda record: seen.append(record.to_bytes()), TICK_HZ)
@@ -65,19 +78,15 @@ def test_requests_that_come_at_once_leave_in_their_order():
     asked = (Request.ARM, Request.MOTION, Request.RESET, Request.LIFE, Request.DISARM, Request.RELEASE)
     for request in asked:
         way_out.offer(event(request), 0)
-    for step in range(20):
-        way_out.flush(step * TICK_NS)
+    empty(way_out)
     assert [request for request, _ in ring.written] == list(asked)
 
 
 def test_of_requests_that_wait_the_newest_of_a_kind_counts():
-    way_out, ring = outlet()
-    for _ in range(BURST):
-        way_out.offer(event(Request.LIFE), 0)
+    way_out, ring = busy_outlet()
     for request in (Request.ARM, Request.DISARM, Request.ARM):
         way_out.offer(event(request), 0)
-    for step in range(10):
-        way_out.flush(step * TICK_NS)
+    empty(way_out)
     assert [request for request, _ in ring.written[BURST:]] == [Request.DISARM, Request.ARM]
     assert way_out.merged == 1
     assert way_out.waiting == 0
@@ -127,13 +136,10 @@ def test_an_emergency_stop_passes_when_nothing_else_finds_room():
 
 
 def test_a_reset_that_an_emergency_stop_overtakes_does_not_undo_it():
-    way_out, ring = outlet()
-    for _ in range(BURST):
-        way_out.offer(event(Request.LIFE), 0)
+    way_out, ring = busy_outlet()
     for request in (Request.RESET, Request.ARM, Request.EMERGENCY_STOP):
         way_out.offer(event(request), 0)
-    for step in range(10):
-        way_out.flush(step * TICK_NS)
+    empty(way_out)
     assert [request for request, _ in ring.written[BURST:]] == [Request.EMERGENCY_STOP, Request.ARM]
     assert way_out.merged == 1
     way_out.offer(event(Request.RESET), TICK_NS * 20)
